@@ -1,0 +1,1 @@
+"""Whole-arm manipulation environments with an escape-time (caging) field."""

@@ -1,0 +1,1 @@
+"""Contact dynamics: how commands move the arm and the arm moves the object."""

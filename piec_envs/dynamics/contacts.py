@@ -1,0 +1,140 @@
+"""Contact points of the arm and the object, and their Jacobians."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from piec_envs.geometry.distance import closest_on_polygon
+from piec_envs.geometry.kinematics import point_velocity
+from piec_envs.kernels import batch_kernel, kernel
+
+MAX_CONTACTS = 32  # the nearest ones are kept; a step has at most about ten within its margin
+
+
+class Contacts(NamedTuple):
+    """Contact points of one state; the first `count[0]` rows are valid."""
+
+    count: np.ndarray  # (1,) int64
+    gap: np.ndarray  # (C,) signed distance phi, m
+    normal: np.ndarray  # (C, 2) from the robot to the object
+    on_robot: np.ndarray  # (C, 2) m
+    on_object: np.ndarray  # (C, 2) m
+    frame: np.ndarray  # (C,) int64, robot frame of the touching shape
+    link: np.ndarray  # (C,) int64
+
+
+@batch_kernel
+def make_contacts():
+    """Empty contact buffers."""
+    return Contacts(
+        np.zeros(1, dtype=np.int64),
+        np.empty(MAX_CONTACTS),
+        np.empty((MAX_CONTACTS, 2)),
+        np.empty((MAX_CONTACTS, 2)),
+        np.empty((MAX_CONTACTS, 2)),
+        np.empty(MAX_CONTACTS, dtype=np.int64),
+        np.empty(MAX_CONTACTS, dtype=np.int64),
+    )
+
+
+@kernel
+def _add_contact(contacts, gap, r_x, r_y, o_x, o_y, n_x, n_y, frame, link):
+    """Store a contact; when the buffers are full it replaces the farthest one if it is nearer."""
+    i = contacts.count[0]
+    if i == MAX_CONTACTS:
+        i = int(np.argmax(contacts.gap))
+        if gap >= contacts.gap[i]:
+            return
+    else:
+        contacts.count[0] += 1
+    contacts.gap[i] = gap
+    contacts.normal[i, 0], contacts.normal[i, 1] = n_x, n_y
+    contacts.on_robot[i, 0], contacts.on_robot[i, 1] = r_x, r_y
+    contacts.on_object[i, 0], contacts.on_object[i, 1] = o_x, o_y
+    contacts.frame[i], contacts.link[i] = frame, link
+
+
+@kernel
+def _pair_contacts(scene, i, k, robot_vertices, object_vertices, margin, contacts):
+    """Every vertex-to-edge and mutual vertex-to-vertex pair of robot shape i and object shape k."""
+    robot, item = scene.robot, scene.object
+    a_first, a_last = robot.first[i], robot.first[i + 1]
+    b_first, b_last = item.first[k], item.first[k + 1]
+    r_a, r_b = robot.radius[i], item.radius[k]
+    reach = margin + r_a + r_b
+    for v in range(b_first, b_last):
+        x, y = object_vertices[v, 0], object_vertices[v, 1]
+        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(robot_vertices, a_first, a_last, x, y)
+        if d >= reach:
+            continue
+        if corner >= 0 and b_last - b_first > 1:
+            back = closest_on_polygon(
+                object_vertices, b_first, b_last, robot_vertices[corner, 0], robot_vertices[corner, 1]
+            )
+            if back[5] != v:
+                continue  # the corner is nearer to another part of the object
+        _add_contact(
+            contacts, d - r_a - r_b, c_x + r_a * n_x, c_y + r_a * n_y, x - r_b * n_x, y - r_b * n_y, n_x, n_y,
+            robot.frame[i], robot.link[i],
+        )  # fmt: skip
+    if b_last - b_first == 1:
+        return  # a disc has no edges
+    for v in range(a_first, a_last):
+        x, y = robot_vertices[v, 0], robot_vertices[v, 1]
+        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(object_vertices, b_first, b_last, x, y)
+        if d >= reach or corner >= 0:
+            continue  # vertex-to-vertex pairs were found above
+        _add_contact(
+            contacts, d - r_a - r_b, x - r_a * n_x, y - r_a * n_y, c_x + r_b * n_x, c_y + r_b * n_y, -n_x, -n_y,
+            robot.frame[i], robot.link[i],
+        )  # fmt: skip
+
+
+@kernel
+def find_contacts(scene, robot_vertices, robot_centres, object_vertices, object_centres, margin, contacts):
+    """Fill `contacts` with all contact points nearer than `margin`.
+
+    Args:
+        scene: a `PackedScene`.
+        robot_vertices, robot_centres, object_vertices, object_centres: from `place_shapes`.
+        margin: m.
+        contacts: output buffers from `make_contacts`.
+    """
+    robot, item = scene.robot, scene.object
+    contacts.count[0] = 0
+    for i in range(robot.radius.shape[0]):
+        for k in range(item.radius.shape[0]):
+            d_x = robot_centres[i, 0] - object_centres[k, 0]
+            d_y = robot_centres[i, 1] - object_centres[k, 1]
+            if d_x * d_x + d_y * d_y < (margin + robot.bound[i] + item.bound[k]) ** 2:
+                _pair_contacts(scene, i, k, robot_vertices, object_vertices, margin, contacts)
+
+
+@kernel
+def contact_rows(scene, frames, pose, contacts, friction, rows):
+    """Constraint rows J_n -/+ mu J_t of eq. 7, two for each contact.
+
+    Args:
+        scene: a `PackedScene`.
+        frames: the robot's frames from `link_frames`.
+        pose: the object's x, y, angle.
+        contacts: from `find_contacts`.
+        friction: mu.
+        rows: output, at least (2 count, n + 3); the columns are the joints, then x, y, angle.
+    """
+    n = scene.stiffness.shape[0]
+    for i in range(contacts.count[0]):
+        n_x, n_y = contacts.normal[i, 0], contacts.normal[i, 1]
+        for side in range(2):
+            sign = -1.0 if side == 0 else 1.0
+            d_x, d_y = n_x - sign * friction * n_y, n_y + sign * friction * n_x  # tangent = (-n_y, n_x)
+            row = rows[2 * i + side]
+            for j in range(n):
+                row[j] = 0.0
+                if j < contacts.frame[i]:
+                    v_x, v_y = point_velocity(scene, frames, j, contacts.on_robot[i, 0], contacts.on_robot[i, 1])
+                    row[j] = -(d_x * v_x + d_y * v_y)
+            arm_x, arm_y = contacts.on_object[i, 0] - pose[0], contacts.on_object[i, 1] - pose[1]
+            row[n], row[n + 1], row[n + 2] = d_x, d_y, d_y * arm_x - d_x * arm_y

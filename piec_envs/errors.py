@@ -1,0 +1,64 @@
+"""Exceptions of the suite: each says what was given and what would be valid."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class PiecError(Exception):
+    """Base class of every error that this suite raises on purpose."""
+
+
+class UnknownNameError(PiecError, ValueError):
+    """A name that stands in no table; the message lists the known ones.
+
+    Args:
+        kind: what the name was meant to name, such as "object".
+        name: the name given.
+        known: the valid names.
+    """
+
+    def __init__(self, kind: str, name: object, known: Iterable[str]):
+        names = sorted(known)
+        close = difflib.get_close_matches(str(name), names, n=1)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(names)}.{hint}")
+
+
+class InvalidShapeError(PiecError, ValueError):
+    """A polygon that is not convex, not counter-clockwise, or has a negative radius."""
+
+
+class InvalidActionError(PiecError, ValueError):
+    """An action of the wrong shape, or with NaN or infinite entries."""
+
+
+class InvalidStateError(PiecError, ValueError):
+    """A state of the wrong shape, not finite, outside its limits, or in penetration."""
+
+
+class InvalidParameterError(PiecError, ValueError):
+    """A keyword argument or plant parameter outside its valid range."""
+
+
+class PlanError(PiecError, ValueError):
+    """A plan file that is broken or foreign, or a plan for another env."""
+
+
+class RecordError(PiecError, ValueError):
+    """A record file that cannot be read."""
+
+
+class MissingDependencyError(PiecError, ImportError):
+    """An optional package is not installed; the message names the extra that brings it.
+
+    Args:
+        package: the import name of the missing package.
+        extra: the extra of this distribution that installs it.
+    """
+
+    def __init__(self, package: str, extra: str):
+        super().__init__(
+            f"{package!r} is not installed; it comes with the extra {extra!r}: pip install 'piec-envs[{extra}]'"
+        )

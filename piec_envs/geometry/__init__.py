@@ -1,0 +1,1 @@
+"""Kinematics and distances of rounded convex polygons, as small compiled kernels."""

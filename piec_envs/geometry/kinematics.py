@@ -1,0 +1,77 @@
+"""Poses of the robot's frames and of every vertex, and Jacobians of points on the robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from piec_envs.kernels import kernel
+
+
+@kernel
+def link_frames(scene, q, frames):
+    """Pose of the base and of the frame after each joint.
+
+    Args:
+        scene: a `PackedScene`.
+        q: joint positions, shape (n,), rad or m.
+        frames: output, shape (n + 1, 4): x, y, cos, sin of each frame.
+    """
+    x, y, angle = 0.0, 0.0, 0.0
+    frames[0, 0], frames[0, 1], frames[0, 2], frames[0, 3] = x, y, 1.0, 0.0
+    for j in range(q.shape[0]):
+        c, s = frames[j, 2], frames[j, 3]
+        origin, axis = scene.joint_origin[j], scene.joint_axis[j]
+        x += c * origin[0] - s * origin[1]
+        y += s * origin[0] + c * origin[1]
+        angle += origin[2] + axis[2] * q[j]
+        c, s = np.cos(angle), np.sin(angle)
+        x += (c * axis[0] - s * axis[1]) * q[j]
+        y += (s * axis[0] + c * axis[1]) * q[j]
+        frames[j + 1, 0], frames[j + 1, 1], frames[j + 1, 2], frames[j + 1, 3] = x, y, c, s
+
+
+@kernel
+def place_shapes(shapes, frames, vertices, centres):
+    """Vertices and bounding-circle centres of packed shapes in the world.
+
+    Args:
+        shapes: a `PackedShapes`.
+        frames: poses of the frames that the shapes are fixed in, shape (F, 4).
+        vertices: output, shape (V, 2), m.
+        centres: output, shape (S, 2), m.
+    """
+    for i in range(shapes.radius.shape[0]):
+        f = shapes.frame[i]
+        x, y, c, s = frames[f, 0], frames[f, 1], frames[f, 2], frames[f, 3]
+        centres[i, 0] = x + c * shapes.centre[i, 0] - s * shapes.centre[i, 1]
+        centres[i, 1] = y + s * shapes.centre[i, 0] + c * shapes.centre[i, 1]
+        for v in range(shapes.first[i], shapes.first[i + 1]):
+            vertices[v, 0] = x + c * shapes.vertices[v, 0] - s * shapes.vertices[v, 1]
+            vertices[v, 1] = y + s * shapes.vertices[v, 0] + c * shapes.vertices[v, 1]
+
+
+@kernel
+def pose_frame(pose, frames):
+    """Frame of a pose (x, y, angle) as the single row of `frames`, shape (1, 4)."""
+    frames[0, 0], frames[0, 1] = pose[0], pose[1]
+    frames[0, 2], frames[0, 3] = np.cos(pose[2]), np.sin(pose[2])
+
+
+@kernel
+def point_velocity(scene, frames, j, x, y):
+    """Velocity of a point fixed beyond joint j per unit speed of that joint.
+
+    Args:
+        scene: a `PackedScene`.
+        frames: from `link_frames`.
+        j: joint index.
+        x, y: the point in the world, m.
+
+    Returns:
+        The j-th column (v_x, v_y) of the point's Jacobian, m/rad or m/m.
+    """
+    axis = scene.joint_axis[j]
+    c, s = frames[j + 1, 2], frames[j + 1, 3]
+    v_x = c * axis[0] - s * axis[1] - axis[2] * (y - frames[j + 1, 1])
+    v_y = s * axis[0] + c * axis[1] + axis[2] * (x - frames[j + 1, 0])
+    return v_x, v_y

@@ -1,0 +1,92 @@
+"""The table of objects: shapes, key points for the escape time, and mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from piec_envs.errors import InvalidShapeError, UnknownNameError
+from piec_envs.world.shapes import RoundedPolygon, disc, regular_polygon
+
+# A key point nearer to the object's surface than this would enter the wall of the escape field
+# (d0 = 0.03 m) when the object touches the arm, and pressing would pay as if it were enclosing.
+MIN_KEY_POINT_DEPTH = 0.035  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """A rigid object in the plane.
+
+    Args:
+        name: its key in the table of objects.
+        shapes: its geometry in its own frame.
+        key_points: centres of inscribed discs, where the escape time is asked, shape (k, 2), m.
+        mass: kg.
+
+    Raises:
+        InvalidShapeError: if a key point lies less than 0.035 m inside the surface.
+    """
+
+    name: str
+    shapes: tuple[RoundedPolygon, ...]
+    key_points: np.ndarray
+    mass: float = 0.5
+
+    def __post_init__(self):
+        for point in self.key_points:
+            depth = max(_depth_inside(shape, point) for shape in self.shapes)
+            if depth < MIN_KEY_POINT_DEPTH:
+                raise InvalidShapeError(
+                    f"key point {point.tolist()} of {self.name!r} lies {depth:.3f} m inside the surface; "
+                    f"at least {MIN_KEY_POINT_DEPTH} m is needed"
+                )
+
+    @property
+    def bounding_radius(self) -> float:
+        """Radius of the circle around the object's origin that contains it, m."""
+        return max(float(np.linalg.norm(s.vertices, axis=1).max()) + s.radius for s in self.shapes)
+
+
+def _depth_inside(shape: RoundedPolygon, point: np.ndarray) -> float:
+    """Radius of the largest disc around `point` inside one shape (a lower bound for capsules)."""
+    if len(shape.vertices) < 3:
+        return shape.radius - float(np.linalg.norm(shape.vertices - point, axis=1).min())
+    edges = np.roll(shape.vertices, -1, axis=0) - shape.vertices
+    offsets = point - shape.vertices
+    left = edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]
+    return float((left / np.linalg.norm(edges, axis=1)).min()) + shape.radius
+
+
+def _single(name: str, shape: RoundedPolygon) -> Object:
+    return Object(name, (shape,), key_points=np.zeros((1, 2)))
+
+
+def _discs(name: str, centres: np.ndarray, radius: float) -> Object:
+    return Object(name, tuple(disc(radius, centre) for centre in centres), key_points=centres)
+
+
+_TRIANGLE = np.array([(np.cos(a), np.sin(a)) for a in np.pi / 2 + 2 * np.pi / 3 * np.arange(3)])
+
+# The polygons contain the circle (same apothem): corner excess 6.2, 11.6 and 31.1 mm.
+OBJECTS = {
+    item.name: item
+    for item in (
+        _single("circle", disc(0.075)),
+        _single("octagon", regular_polygon(8, 0.075)),
+        _single("hexagon", regular_polygon(6, 0.075)),
+        _single("square", regular_polygon(4, 0.075)),
+        _discs("three_discs", 0.1 / np.sqrt(3) * _TRIANGLE, 0.05),
+    )
+}
+
+
+def get_object(name: str) -> Object:
+    """The object of that name.
+
+    Raises:
+        UnknownNameError: if the table has no such row.
+    """
+    if name not in OBJECTS:
+        raise UnknownNameError("object", name, OBJECTS)
+    return OBJECTS[name]

@@ -1,0 +1,26 @@
+"""The table of robots: a new robot is one file here and one row."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from piec_envs.errors import UnknownNameError
+from piec_envs.world.robots.planar_arm import planar_arm
+from piec_envs.world.robots.robot import Joint, Link, Robot
+
+ROBOTS = {"planar_arm": planar_arm}
+
+
+@cache
+def get_robot(name: str) -> Robot:
+    """The robot of that name.
+
+    Raises:
+        UnknownNameError: if the table has no such row.
+    """
+    if name not in ROBOTS:
+        raise UnknownNameError("robot", name, ROBOTS)
+    return ROBOTS[name]()
+
+
+__all__ = ["ROBOTS", "Joint", "Link", "Robot", "get_robot"]

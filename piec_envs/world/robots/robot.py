@@ -1,0 +1,82 @@
+"""What a robot is: a planar chain of joints with shapes fixed to its frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from piec_envs.world.shapes import RoundedPolygon
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid part of the robot.
+
+    Args:
+        name: what tables and figures call it.
+        frame: the frame it is fixed in; 0 is the base, j the frame after the j-th joint.
+        shapes: its geometry in that frame.
+    """
+
+    name: str
+    frame: int
+    shapes: tuple[RoundedPolygon, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint: where it sits in the parent frame, how it moves, and its limits.
+
+    Args:
+        name: what tables and figures call it.
+        origin: pose of the joint in its parent frame (x, y, angle); m, rad.
+        axis: planar screw axis (v_x, v_y, omega): (0, 0, 1) turns, (1, 0, 0) slides along x.
+        lower: least position, rad or m.
+        upper: largest position, rad or m.
+        speed_limit: largest commanded speed, rad/s or m/s.
+        max_lead: largest distance of the command ahead of the joint, rad or m.
+        stiffness: K of the paper's eq. 7, Nm/rad or N/m.
+    """
+
+    name: str
+    origin: tuple[float, float, float]
+    axis: tuple[float, float, float]
+    lower: float
+    upper: float
+    speed_limit: float
+    max_lead: float
+    stiffness: float
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot as data.
+
+    Args:
+        name: its key in the table of robots.
+        joints: from the base outwards.
+        links: the parts that can touch the object.
+        home: the configuration of a fresh episode, shape (n,), rad or m.
+        workspace_radius: radius of the escape disc around the base, m.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    home: np.ndarray
+    workspace_radius: float
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def joint_array(self, field: str) -> np.ndarray:
+        """One field of every joint as an array, shape (n,) or (n, 3)."""
+        return np.array([getattr(joint, field) for joint in self.joints], dtype=float)
+
+    @property
+    def speed_limit(self) -> np.ndarray:
+        """v_max of each joint, shape (n,), rad/s or m/s."""
+        return self.joint_array("speed_limit")

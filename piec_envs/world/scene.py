@@ -1,0 +1,106 @@
+"""A scene: one robot and one object, packed into flat arrays for the compiled kernels."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from piec_envs.world.objects import get_object
+from piec_envs.world.robots import get_robot
+from piec_envs.world.shapes import RoundedPolygon
+
+
+class PackedShapes(NamedTuple):
+    """Rounded polygons of one body or chain; shape s owns vertices[first[s]:first[s + 1]]."""
+
+    first: np.ndarray  # (S + 1,) int64
+    vertices: np.ndarray  # (V, 2) m, in the frame of the shape
+    radius: np.ndarray  # (S,) m
+    frame: np.ndarray  # (S,) int64, the frame that the shape is fixed in
+    link: np.ndarray  # (S,) int64, the link that the shape belongs to
+    centre: np.ndarray  # (S, 2) m, bounding circle in the frame of the shape
+    bound: np.ndarray  # (S,) m, bounding circle's radius
+
+
+class PackedScene(NamedTuple):
+    """Everything that the kernels know of the world, as flat arrays."""
+
+    joint_origin: np.ndarray  # (n, 3) x, y, angle in the parent frame
+    joint_axis: np.ndarray  # (n, 3) planar screw axis
+    lower: np.ndarray  # (n,) joint limits
+    upper: np.ndarray  # (n,)
+    speed_limit: np.ndarray  # (n,) v_max
+    max_lead: np.ndarray  # (n,)
+    stiffness: np.ndarray  # (n,) K
+    reach: np.ndarray  # (n,) largest lever arm of each joint, m (1 for a sliding joint)
+    robot: PackedShapes
+    links: int
+    object: PackedShapes
+    key_points: np.ndarray  # (k, 2) m, object frame
+    workspace_radius: float  # m
+
+
+def pack_shapes(parts: list[tuple[RoundedPolygon, int, int]]) -> PackedShapes:
+    """Pack (shape, frame, link) triples into flat arrays."""
+    shapes = [part[0] for part in parts]
+    circles = [shape.bounding_circle for shape in shapes]
+    return PackedShapes(
+        first=np.cumsum([0] + [len(shape.vertices) for shape in shapes]).astype(np.int64),
+        vertices=np.ascontiguousarray(np.concatenate([shape.vertices for shape in shapes])),
+        radius=np.array([shape.radius for shape in shapes]),
+        frame=np.array([part[1] for part in parts], dtype=np.int64),
+        link=np.array([part[2] for part in parts], dtype=np.int64),
+        centre=np.array([centre for centre, _ in circles]),
+        bound=np.array([bound for _, bound in circles]),
+    )
+
+
+def _reach(robot) -> np.ndarray:
+    """Largest distance from each turning joint to any point of the robot beyond it, shape (n,)."""
+    reach = np.ones(robot.dof)
+    for j, joint in enumerate(robot.joints):
+        if joint.axis[2] == 0:
+            continue
+        best = 0.0
+        for link in robot.links:
+            if link.frame <= j:
+                continue
+            chain = sum(np.hypot(*inner.origin[:2]) for inner in robot.joints[j + 1 : link.frame])
+            tip = max(float(np.linalg.norm(s.vertices, axis=1).max()) + s.radius for s in link.shapes)
+            best = max(best, chain + tip)
+        reach[j] = best
+    return reach
+
+
+@cache
+def pack_scene(robot_name: str, object_name: str) -> PackedScene:
+    """Pack one robot and one object.
+
+    Args:
+        robot_name: a row of the table of robots.
+        object_name: a row of the table of objects.
+
+    Returns:
+        The scene as flat arrays, to be treated as read-only.
+
+    Raises:
+        UnknownNameError: if a table has no such row.
+    """
+    robot, item = get_robot(robot_name), get_object(object_name)
+    return PackedScene(
+        joint_origin=robot.joint_array("origin"),
+        joint_axis=robot.joint_array("axis"),
+        lower=robot.joint_array("lower"),
+        upper=robot.joint_array("upper"),
+        speed_limit=robot.joint_array("speed_limit"),
+        max_lead=robot.joint_array("max_lead"),
+        stiffness=robot.joint_array("stiffness"),
+        reach=_reach(robot),
+        robot=pack_shapes([(shape, link.frame, i) for i, link in enumerate(robot.links) for shape in link.shapes]),
+        links=len(robot.links),
+        object=pack_shapes([(shape, 0, 0) for shape in item.shapes]),
+        key_points=np.ascontiguousarray(item.key_points, dtype=float),
+        workspace_radius=float(robot.workspace_radius),
+    )

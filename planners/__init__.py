@@ -1,0 +1,1 @@
+"""Planners for whole-arm manipulation: via-point trajectories, objectives and optimisers."""
