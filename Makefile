@@ -56,7 +56,7 @@ format: $(VENV)/dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(VENV)/base
+bench: $(VENV)/dev
 	$(BIN)/piec bench $(ARGS)
 
 reproduce: $(VENV)/base

@@ -1,1 +1,10 @@
-"""Whole-arm manipulation environments with an escape-time (caging) field."""
+"""Whole-arm manipulation environments with an escape-time (caging) field.
+
+Importing this package registers the environments; it loads neither torch nor mujoco.
+"""
+
+from piec_envs.registration import register_envs
+
+__version__ = "0.1.0"
+
+register_envs()

@@ -18,7 +18,7 @@ MAX_BODY_LINES = 50
 
 # Inside piec_envs a part may import parts of a lower layer and itself. Modules that stand directly
 # in the package (env, vector_env, tasks, ...) and are not named here make up the layer ENV.
-SHARED = {"errors", "parallel"}  # importable from everywhere
+SHARED = {"errors", "kernels", "parallel"}  # importable from everywhere
 LAYERS = {"world": 0, "geometry": 1, "dynamics": 2, "escape": 2, "wrappers": 4, "registration": 5}
 ENV, TOP = 3, 6  # TOP: piec_envs/__init__.py, which nothing inside may import
 

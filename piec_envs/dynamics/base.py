@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -26,6 +27,7 @@ class Plant:
     objects: Sequence[str]
     friction: np.ndarray
 
+    @cached_property
     def rows_by_object(self) -> dict[str, np.ndarray]:
         """Row indices of each object that occurs."""
         names = np.asarray(self.objects)

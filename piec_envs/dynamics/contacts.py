@@ -14,9 +14,9 @@ MAX_CONTACTS = 32  # the nearest ones are kept; a step has at most about ten wit
 
 
 class Contacts(NamedTuple):
-    """Contact points of one state; the first `count[0]` rows are valid."""
+    """Contact points of one state; the first `number[0]` rows are valid."""
 
-    count: np.ndarray  # (1,) int64
+    number: np.ndarray  # (1,) int64
     gap: np.ndarray  # (C,) signed distance phi, m
     normal: np.ndarray  # (C, 2) from the robot to the object
     on_robot: np.ndarray  # (C, 2) m
@@ -42,13 +42,13 @@ def make_contacts():
 @kernel
 def _add_contact(contacts, gap, r_x, r_y, o_x, o_y, n_x, n_y, frame, link):
     """Store a contact; when the buffers are full it replaces the farthest one if it is nearer."""
-    i = contacts.count[0]
+    i = contacts.number[0]
     if i == MAX_CONTACTS:
         i = int(np.argmax(contacts.gap))
         if gap >= contacts.gap[i]:
             return
     else:
-        contacts.count[0] += 1
+        contacts.number[0] += 1
     contacts.gap[i] = gap
     contacts.normal[i, 0], contacts.normal[i, 1] = n_x, n_y
     contacts.on_robot[i, 0], contacts.on_robot[i, 1] = r_x, r_y
@@ -103,7 +103,7 @@ def find_contacts(scene, robot_vertices, robot_centres, object_vertices, object_
         contacts: output buffers from `make_contacts`.
     """
     robot, item = scene.robot, scene.object
-    contacts.count[0] = 0
+    contacts.number[0] = 0
     for i in range(robot.radius.shape[0]):
         for k in range(item.radius.shape[0]):
             d_x = robot_centres[i, 0] - object_centres[k, 0]
@@ -122,10 +122,10 @@ def contact_rows(scene, frames, pose, contacts, friction, rows):
         pose: the object's x, y, angle.
         contacts: from `find_contacts`.
         friction: mu.
-        rows: output, at least (2 count, n + 3); the columns are the joints, then x, y, angle.
+        rows: output, at least (2 number, n + 3); the columns are the joints, then x, y, angle.
     """
     n = scene.stiffness.shape[0]
-    for i in range(contacts.count[0]):
+    for i in range(contacts.number[0]):
         n_x, n_y = contacts.normal[i, 0], contacts.normal[i, 1]
         for side in range(2):
             sign = -1.0 if side == 0 else 1.0

@@ -88,7 +88,7 @@ class SpeedModel:
         return PackedSpeed(*astuple(self))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def decay(z):
     """exp(z) to a relative 1e-12 for |z| <= 20, by ten squarings of a Taylor series, so that loops vectorise.
 
@@ -103,7 +103,7 @@ def decay(z):
     return e
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def slowness(speed, d):
     """1 / u at signed distance d, s/m (inf in the hard wall).
 
@@ -118,7 +118,7 @@ def slowness(speed, d):
     return (inverse if d > speed.d0 else wall) / speed.u_bar
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def slowness_slope(speed, d):
     """d(1/u)/dd away from the wall's edge, s/m^2 (0 inside the wall).
 
@@ -135,15 +135,15 @@ def slowness_slope(speed, d):
     return -speed.s * e * (1.0 - speed.a_min) / (bottom * bottom) / speed.u_bar
 
 
-@njit(cache=True, nogil=True)
-def _capsule_row(a, b, radius, x, y, distance):
-    """Lower `distance` (n,) to the capsule from a to b at the nodes (x[k], y)."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lower_to_capsule(a, b, radius, x, y, distance):
+    """Lower `distance` (M,) to that of the capsule from a to b at the points (x, y)."""
     a_x, a_y = a[0], a[1]
-    e_x, e_y, d_y = b[0] - a_x, b[1] - a_y, y - a_y
+    e_x, e_y = b[0] - a_x, b[1] - a_y
     length2 = e_x * e_x + e_y * e_y
     scale = 1.0 / length2 if length2 > 0.0 else 0.0
     for k in range(x.shape[0]):
-        d_x = x[k] - a_x
+        d_x, d_y = x[k] - a_x, y[k] - a_y
         t = (d_x * e_x + d_y * e_y) * scale
         t = t if t > 0.0 else 0.0
         t = t if t < 1.0 else 1.0
@@ -152,19 +152,19 @@ def _capsule_row(a, b, radius, x, y, distance):
         distance[k] = d if d < distance[k] else distance[k]
 
 
-@njit(cache=True, nogil=True)
-def _polygon_row(corners, radius, x, y, distance, square, depth):
-    """Lower `distance` (n,) to the rounded polygon of `corners` (k, 2) at the nodes (x[k], y)."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lower_to_polygon(corners, radius, x, y, distance, square, depth):
+    """Lower `distance` (M,) to that of a rounded polygon with `corners` (k, 2), k > 2, at (x, y)."""
     square[:] = np.inf
     depth[:] = -np.inf
     for i in range(corners.shape[0]):
         j = i + 1 if i + 1 < corners.shape[0] else 0
         a_x, a_y = corners[i, 0], corners[i, 1]
-        e_x, e_y, d_y = corners[j, 0] - a_x, corners[j, 1] - a_y, y - a_y
+        e_x, e_y = corners[j, 0] - a_x, corners[j, 1] - a_y
         length2 = e_x * e_x + e_y * e_y
         scale, unit = 1.0 / length2, 1.0 / np.sqrt(length2)
         for k in range(x.shape[0]):
-            d_x = x[k] - a_x
+            d_x, d_y = x[k] - a_x, y[k] - a_y
             t = (d_x * e_x + d_y * e_y) * scale
             t = t if t > 0.0 else 0.0
             t = t if t < 1.0 else 1.0
@@ -178,26 +178,35 @@ def _polygon_row(corners, radius, x, y, distance, square, depth):
         distance[k] = d if d < distance[k] else distance[k]
 
 
-@njit(cache=True, nogil=True)
-def slowness_row(speed, robot, vertices, x, y, work, out):
-    """Slowness at the nodes (x[k], y) of one grid row.
+@njit(cache=True, nogil=True, error_model="numpy")
+def distance_map(robot, vertices, x, y, distance, work):
+    """Signed distance to the robot at many points: `point_distance`, shape by shape, in loops that vectorise.
 
     Args:
-        speed: a `PackedSpeed`.
         robot: the robot's `PackedShapes`.
         vertices: world vertices from `place_shapes`, shape (V, 2), m.
-        x, y: the nodes, x of shape (n,), m.
-        work: scratch, shape (3, at least n).
-        out: output, shape (n,), s/m.
+        x, y: the points, shape (M,), m.
+        distance: output, shape (M,), m.
+        work: scratch, shape (2, M).
     """
-    n = x.shape[0]
-    distance = work[0, :n]
     distance[:] = np.inf
     for i in range(robot.radius.shape[0]):
         first, last = robot.first[i], robot.first[i + 1]
         if last - first < 3:
-            _capsule_row(vertices[first], vertices[last - 1], robot.radius[i], x, y, distance)
+            _lower_to_capsule(vertices[first], vertices[last - 1], robot.radius[i], x, y, distance)
         else:
-            _polygon_row(vertices[first:last], robot.radius[i], x, y, distance, work[1, :n], work[2, :n])
-    for k in range(n):
-        out[k] = slowness(speed, distance[k])
+            _lower_to_polygon(vertices[first:last], robot.radius[i], x, y, distance, work[0], work[1])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cost_map(speed, distance, h, out):
+    """Slowness times cell size at every distance of an array.
+
+    Args:
+        speed: a `PackedSpeed`.
+        distance: signed distances, shape (M,), m.
+        h: cell size, m.
+        out: output, shape (M,), s.
+    """
+    for k in range(distance.shape[0]):
+        out[k] = slowness(speed, distance[k]) * h

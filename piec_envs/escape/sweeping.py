@@ -1,18 +1,46 @@
-"""First-order fast sweeping, by diagonals.
+"""First-order fast sweeping, by diagonals, to the exact fixed point of Godunov's scheme.
 
-All nodes of one diagonal of the grid are independent of each other in a sweep along the grid's
-other diagonal, so the field is stored with one row per diagonal and the update vectorises. Two
-such layouts, of the grid and of the grid upside down, serve the four sweep directions of Zhao
-("A fast sweeping method for eikonal equations", 2005).
+In a sweep along one diagonal of the grid all nodes of a crossing diagonal are independent of each
+other, so the field is kept with one row per diagonal and the update vectorises. Two such layouts,
+of the grid and of the grid upside down (`flip`), serve the four sweep directions of Zhao ("A fast
+sweeping method for eikonal equations", 2005). Indices are unsigned where loops must vectorise:
+Numba then needs no test for negative ones.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+from typing import NamedTuple
 
-FAR = 1e30  # stands for infinity in the sweeps, where inf - inf must not happen
+import numpy as np
+from numba import njit, uint64
+
+FAR = 1e30  # stands for infinity inside the solvers, where inf - inf must not happen
 WALL = 4e30  # cost of a node that is never updated: any candidate through it exceeds FAR
+
+
+class Diagonals(NamedTuple):
+    """Where the free nodes of an (n, m) grid lie, row by row and diagonal by diagonal."""
+
+    rows: np.ndarray  # (n, 2) uint64, first and last + 1 free column of each row
+    span: np.ndarray  # (2, n + m - 1, 2) uint64, the same of each diagonal, plain and flipped
+
+
+def diagonal_layout(free: np.ndarray) -> Diagonals:
+    """The `Diagonals` of a grid whose free nodes are marked; its outermost ring must not be free.
+
+    Args:
+        free: nodes that the solver may change, shape (n, m).
+    """
+    layouts = np.zeros((2, sum(free.shape) - 1, free.shape[1]), dtype=bool)
+    for flip in range(2):
+        to_diagonals(free, flip, layouts[flip])
+    return Diagonals(_extent(free), _extent(layouts))
+
+
+def _extent(mask: np.ndarray) -> np.ndarray:
+    """First and last + 1 set column of each row, shape (..., 2), both 0 where there is none."""
+    first, last = mask.argmax(-1), mask.shape[-1] - mask[..., ::-1].argmax(-1)
+    return (np.stack([first, last], -1) * mask.any(-1)[..., None]).astype(np.uint64)
 
 
 @njit(cache=True, nogil=True)
@@ -21,71 +49,142 @@ def to_diagonals(grid, flip, out):
 
     Args:
         grid: shape (n, m).
-        flip: whether to turn the grid upside down.
+        flip: 1 to turn the grid upside down, else 0.
         out: output, shape (n + m - 1, m).
     """
     n, m = grid.shape
     for i in range(n):
-        row = grid[n - 1 - i if flip else i]
-        target = out[i : i + m]
+        row = n - 1 - i if flip else i
         for j in range(m):
-            target[j, j] = row[j]
+            out[i + j, j] = grid[row, j]
 
 
 @njit(cache=True, nogil=True)
-def from_diagonals(diagonals, flip, grid):
-    """The inverse of `to_diagonals`: grid[i, j] = diagonals[i + j, j], upside down if `flip`."""
-    n, m = grid.shape
-    for i in range(n):
-        row = grid[n - 1 - i if flip else i]
-        source = diagonals[i : i + m]
-        for j in range(m):
-            row[j] = source[j, j]
-
-
-@njit(cache=True, nogil=True)
-def _relax(here, left, right, down, up, cost, least):
-    """Godunov's upwind update of the nodes of one diagonal; returns how many became smaller.
-
-    Args:
-        here: T of the nodes, shape (n,), updated in place.
-        left, right, down, up: T of their neighbours, shape (n,).
-        cost: slowness times cell size, shape (n,).
-        least: lower bound of T, shape (n,).
-    """
+def _relax(field, cost, least, first, count, width):
+    """Godunov's upwind update of `count` neighbours on one diagonal; returns how many became smaller."""
     changed = 0
-    for k in range(here.shape[0]):
-        a = left[k] if left[k] < right[k] else right[k]
-        b = down[k] if down[k] < up[k] else up[k]
-        f = cost[k]
-        gap = a - b
-        one = (a if a < b else b) + f
+    one = uint64(1)
+    for j in range(count):
+        k = first + j
+        left, right = field[k - width - one], field[k + width + one]
+        down, up = field[k - width], field[k + width]
+        a = left if left < right else right
+        b = down if down < up else up
+        f, gap = cost[k], a - b
         root = 2.0 * f * f - gap * gap
-        two = 0.5 * (a + b + np.sqrt(root if root > 0.0 else 0.0))
-        t = two if gap * gap < f * f else one
+        both = 0.5 * (a + b + np.sqrt(root if root > 0.0 else 0.0))
+        t = both if gap * gap < f * f else (a if a < b else b) + f
         t = t if t > least[k] else least[k]
-        changed += t < here[k]
-        here[k] = t if t < here[k] else here[k]
+        changed += t < field[k]
+        field[k] = t if t < field[k] else field[k]
     return changed
 
 
 @njit(cache=True, nogil=True)
 def _sweep(field, cost, least, span, backwards):
-    """One sweep over the diagonals; returns how many nodes became smaller."""
+    """One sweep over the diagonals of one layout; returns how many nodes became smaller."""
     changed = 0
     count = field.shape[0] - 2
+    width = uint64(field.shape[1])
+    field, cost, least = field.ravel(), cost.ravel(), least.ravel()
     for k in range(count):
         s = count - k if backwards else k + 1
         lo, hi = span[s, 0], span[s, 1]
-        if lo < hi:
-            before, after = field[s - 1], field[s + 1]
-            changed += _relax(
-                field[s, lo:hi],
-                before[lo - 1 : hi - 1],
-                after[lo + 1 : hi + 1],
-                before[lo:hi],
-                after[lo:hi],
-                cost[s, lo:hi],
-                least[s, lo:hi],
-            )
+        changed += _relax(field, cost, least, uint64(s) * width + lo, hi - lo, width)
     return changed
+
+
+@njit(cache=True, nogil=True)
+def copy_flipped(field, flip, rows):
+    """Copy the free nodes from layout `flip` to the other one.
+
+    Args:
+        field: both layouts, shape (2, n + m - 1, m).
+        flip: the layout to read.
+        rows: of the `Diagonals`.
+    """
+    n, width = rows.shape[0], uint64(field.shape[2])
+    source, target = field[flip].ravel(), field[1 - flip].ravel()
+    stride = width + uint64(1)
+    for i in range(n):
+        start, end = uint64(i) * width, uint64(n - 1 - i) * width
+        if flip:
+            start, end = end, start
+        for j in range(rows[i, 0], rows[i, 1]):
+            target[end + j * stride] = source[start + j * stride]
+
+
+@njit(cache=True, nogil=True)
+def sweep_to_rest(field, cost, least, layout):
+    """Sweep in the four directions in turn until one sweep changes nothing.
+
+    Args:
+        field: T in both layouts, shape (2, n + m - 1, m), updated in place; free nodes start at FAR.
+        cost: slowness times cell size in both layouts; WALL at nodes that are not free.
+        least: lower bound of T in both layouts.
+        layout: the `Diagonals`.
+
+    Returns:
+        The number of sweeps. Layout 0 of `field` holds the result.
+    """
+    sweeps = 0
+    while True:
+        for flip in range(2):
+            for backwards in range(2):
+                sweeps += 1
+                if _sweep(field[flip], cost[flip], least[flip], layout.span[flip], backwards) == 0:
+                    if flip:
+                        copy_flipped(field, 1, layout.rows)
+                    return sweeps
+            copy_flipped(field, flip, layout.rows)
+
+
+def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0) -> np.ndarray:
+    """Solve |grad T| = slowness on any grid, first order (paper, eq. of section 3.2).
+
+    Args:
+        slowness: 1 / speed at each node, inf in walls, shape (n, m), s/m.
+        boundary: T of the nodes where it is given, inf at all others, shape (n, m), s.
+        h: cell size, m.
+        least: a known lower bound of T, s.
+
+    Returns:
+        T, shape (n, m), s; inf where no path leads to the boundary.
+    """
+    given = np.isfinite(boundary)
+    free = np.pad(~given & np.isfinite(slowness), 1)
+    grids = (
+        np.pad(np.where(given, boundary, FAR), 1, constant_values=FAR),
+        np.where(free, np.pad(slowness * h, 1), WALL),
+        np.pad(np.broadcast_to(np.asarray(least, dtype=float), slowness.shape), 1),
+    )
+    layouts = np.zeros((3, 2, sum(free.shape) - 1, free.shape[1]))
+    for grid, pair in zip(grids, layouts, strict=True):
+        for flip in range(2):
+            to_diagonals(grid, flip, pair[flip])
+    sweep_to_rest(*layouts, diagonal_layout(free))
+    i, j = np.indices(free.shape)
+    time = layouts[0, 0, i + j, j][1:-1, 1:-1]  # (n, m)
+    return np.where(time < FAR / 2, time, np.inf)
+
+
+def sweep_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0) -> np.ndarray:
+    """`sweep` in plain Python: Gauss-Seidel over all nodes in four orders until nothing changes."""
+    time = np.pad(boundary.astype(float), 1, constant_values=np.inf)
+    n, m = slowness.shape
+    before = None
+    while before is None or not np.array_equal(before, time):
+        before = time.copy()
+        for di, dj in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            for i in range(n)[::di]:
+                for j in range(m)[::dj]:
+                    if np.isfinite(boundary[i, j]) or not np.isfinite(slowness[i, j]):
+                        continue
+                    a = min(time[i, j + 1], time[i + 2, j + 1])
+                    b = min(time[i + 1, j], time[i + 1, j + 2])
+                    f = slowness[i, j] * h
+                    t = min(a, b) + f
+                    if abs(a - b) < f:
+                        t = (a + b + np.sqrt(2 * f**2 - (a - b) ** 2)) / 2
+                    time[i + 1, j + 1] = min(time[i + 1, j + 1], max(t, least))
+    return time[1:-1, 1:-1]

@@ -1,0 +1,85 @@
+"""The table of protocols: under which plant, and from which starts, a policy is evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from piec_envs.errors import UnknownNameError
+
+START_NOISE = (0.01, 0.05)  # m, rad
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """One row of the table of protocols.
+
+    Args:
+        name: its key in the table.
+        description: one line for people.
+        params: plant parameters in which the plant departs from the env's own.
+        start_noise: bounds of the object's start around the task's (m, rad); None keeps the env's own.
+    """
+
+    name: str
+    description: str
+    params: Mapping[str, Any] = field(default_factory=dict)
+    start_noise: tuple[float, float] | None = None
+
+    def env_kwargs(self, base: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Keyword arguments of the evaluated env.
+
+        Args:
+            base: the user's keyword arguments, which the protocol overrides.
+
+        Returns:
+            A new dict.
+        """
+        noise = {} if self.start_noise is None else {"start_noise": list(self.start_noise)}
+        return {**(base or {}), **self.params, **noise}
+
+
+def is_random(env_kwargs: Mapping[str, Any]) -> bool:
+    """Whether episodes of an env with these keyword arguments differ from seed to seed."""
+    noise = env_kwargs.get("start_noise") or (0.0, 0.0)
+    return bool(env_kwargs.get("disturbance") or any(noise) or env_kwargs.get("randomize"))
+
+
+def _disturbances() -> list[Protocol]:
+    rows = []
+    for kind, suffix, meaning in (
+        ("gaussian", "", "gaussian, of this sigma for each axis"),
+        ("direction", "-direction", "of this length in a uniform direction (the paper's bound)"),
+    ):
+        for millimetres in (1, 3, 5):
+            rows.append(
+                Protocol(
+                    f"disturbance-{millimetres}mm{suffix}",
+                    f"the object is displaced by {millimetres} mm in every step, {meaning}",
+                    {"disturbance": millimetres / 1000, "disturbance_kind": kind},
+                )
+            )
+    return rows
+
+
+PROTOCOLS = {
+    row.name: row
+    for row in (
+        Protocol("nominal", "the env as it is; without randomness every episode is the same one"),
+        *_disturbances(),
+        Protocol("adversary", "the object flees down the escape-time field at u_bar", {"adversary": 1.0}),
+        Protocol("start", "the object's start is drawn within 0.01 m and 0.05 rad", start_noise=START_NOISE),
+    )
+}
+
+
+def get_protocol(name: str) -> Protocol:
+    """The protocol of that name.
+
+    Raises:
+        UnknownNameError: if the table has no such row.
+    """
+    if name not in PROTOCOLS:
+        raise UnknownNameError("protocol", name, PROTOCOLS)
+    return PROTOCOLS[name]

@@ -1,0 +1,159 @@
+"""Keyword arguments of the environments, validated once and JSON-able."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
+from piec_envs.dynamics.quasi_dynamic import SOLVERS
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.escape.field import EscapeField, make_field
+from piec_envs.state import PlantParams, check_randomize
+from piec_envs.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
+from piec_envs.world.objects import get_object
+from piec_envs.world.robots import get_robot
+
+DEFAULT_ESCAPE_EVERY = {"grid": 10}
+NOISE_ENTRIES = ("qp", "state")
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """All keyword arguments of an environment except those that Gymnasium itself takes.
+
+    Args:
+        task: row of the table of tasks.
+        dynamics: contact dynamics of the plant.
+        solver: "fast" or "osqp", for the quasi-dynamic model.
+        object: row of the table of objects.
+        friction: mu between arm and object.
+        disturbance: sigma of the object's random displacement in each step, m.
+        disturbance_kind: "gaussian" (for each axis) or "direction" (length sigma).
+        adversary: speed of an object that flees, as a fraction of the escape field's u_bar.
+        start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
+        randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.
+        escape_field: name of the escape field, or its options with a "name"; None computes none.
+        escape_every: steps between two refreshes of the escape time; None takes the field's default.
+        prior: "caging", "contact", "proximity" or None; "auto" is caging where a field is computed.
+        goal: centre of the goal region, (x, y) in m; None takes the task's.
+        goal_conditioned: False, or True (sparse reward) or "dense", for dictionary observations.
+        preset: "default" or "paper": weights of the stage cost and settings of the contact model.
+        weights: changes to the preset's weights.
+        noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
+            then repaired).
+        threads: threads of a batch; None takes all cores.
+
+    Raises:
+        UnknownNameError: for a name in no table.
+        InvalidParameterError: for a value outside its range.
+    """
+
+    task: str
+    dynamics: str = "quasi_dynamic"
+    solver: str = "fast"
+    object: str = "circle"
+    friction: float = 0.5
+    disturbance: float = 0.0
+    disturbance_kind: str = "gaussian"
+    adversary: float = 0.0
+    start_noise: tuple[float, float] = (0.0, 0.0)
+    randomize: Mapping[str, Any] | None = None
+    escape_field: str | Mapping[str, Any] | None = "grid"
+    escape_every: int | None = None
+    prior: str | None = "auto"
+    goal: tuple[float, float] | None = None
+    goal_conditioned: bool | str = False
+    preset: str = "default"
+    weights: Mapping[str, Any] | None = field(default=None, hash=False)
+    noise_entry: str = "qp"
+    threads: int | None = None
+
+    def __post_init__(self):
+        get_task(self.task)
+        get_object(self.object)
+        _ = self.params, self.cost_weights, self.contact_model
+        object.__setattr__(self, "randomize", check_randomize(self.randomize))
+        for name, value, known in (
+            ("solver", self.solver, SOLVERS),
+            ("noise_entry", self.noise_entry, NOISE_ENTRIES),
+            ("prior", self.prior, (*PRIORS, "auto", None)),
+            ("goal_conditioned", self.goal_conditioned, (False, True, "dense")),
+        ):
+            if value not in known:
+                raise UnknownNameError(name, value, map(str, known))
+        if self.goal is not None:
+            self._check_goal()
+        noise = np.asarray(self.start_noise, dtype=float)
+        if noise.shape != (2,) or not (np.isfinite(noise).all() and (noise >= 0).all()):
+            raise InvalidParameterError(
+                f"start_noise must be two finite numbers of at least 0 (m, rad), got {self.start_noise!r}"
+            )
+        if self.escape_every is not None and not (isinstance(self.escape_every, int) and self.escape_every >= 1):
+            raise InvalidParameterError(f"escape_every must be a whole number of at least 1, got {self.escape_every!r}")
+        if self.escape_field is None:
+            flees = self.adversary or (self.randomize or {}).get("adversary")
+            if self.prior == "caging" or flees:
+                raise InvalidParameterError("prior='caging' and adversary need an escape field, but escape_field=None")
+
+    def _check_goal(self) -> None:
+        goal = np.asarray(self.goal, dtype=float)
+        radius = get_robot(get_task(self.task).robot).workspace_radius
+        if goal.shape != (2,) or not np.linalg.norm(goal) <= radius:
+            raise InvalidParameterError(f"goal must be (x, y) within {radius} m of the base, got {self.goal!r}")
+
+    @classmethod
+    def field_names(cls) -> list[str]:
+        """Names of all keyword arguments but the task."""
+        return [item.name for item in dataclasses.fields(cls) if item.name != "task"]
+
+    @property
+    def params(self) -> PlantParams:
+        """Default plant parameters of an episode."""
+        return PlantParams(**{item.name: getattr(self, item.name) for item in dataclasses.fields(PlantParams)})
+
+    @property
+    def cost_weights(self) -> CostWeights:
+        """Weights of the stage cost."""
+        if self.preset not in PRESETS:
+            raise UnknownNameError("preset", self.preset, PRESETS)
+        base = PRESETS[self.preset][self.task]
+        for name in self.weights or {}:
+            if name not in CostWeights._fields:
+                raise UnknownNameError("weight", name, CostWeights._fields)
+        return base._replace(**(self.weights or {}))
+
+    @property
+    def contact_model(self) -> ContactModel:
+        """Settings of the quasi-dynamic model."""
+        model = PAPER_MODEL if self.preset == "paper" else ContactModel()
+        if self.noise_entry == "state":
+            # Displacing the pose makes overlaps, which a stiffer contact would throw back.
+            model = model._replace(state_noise=True, compliance=max(model.compliance, 1e-3))
+        return model
+
+    @property
+    def prior_index(self) -> int:
+        """Index of the prior into PRIORS, or -1."""
+        prior = self.prior
+        if prior == "auto":
+            prior = "caging" if self.escape_field is not None else None
+        return -1 if prior is None else PRIORS.index(prior)
+
+    def make_task(self) -> Task:
+        """The task, with this config's goal."""
+        task = get_task(self.task)
+        return task if self.goal is None else dataclasses.replace(task, goal=np.asarray(self.goal, dtype=float))
+
+    def make_field(self) -> tuple[EscapeField | None, int]:
+        """The escape field and the number of steps between its refreshes."""
+        if self.escape_field is None:
+            return None, 1
+        options = {"name": self.escape_field} if isinstance(self.escape_field, str) else dict(self.escape_field)
+        name = options.pop("name", "grid")
+        escape = make_field(name, get_task(self.task).robot, threads=self.threads, **options)
+        return escape, self.escape_every or DEFAULT_ESCAPE_EVERY[name]

@@ -1,0 +1,218 @@
+"""The compiled quasi-dynamic step and rollout (paper eq. 7)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from piec_envs.dynamics.base import CONTROL_PERIOD, TOUCH_DISTANCE
+from piec_envs.dynamics.contact_qp import dual_matrix, solve_dual
+from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
+from piec_envs.geometry.distance import link_distances
+from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
+from piec_envs.kernels import batch_kernel, kernel
+
+MASS_MATRIX = (0.1, 0.1, 0.042)  # M_o: the QP's regulariser, not a physical inertia
+REGULARISER = 10.0  # epsilon
+MARGIN_FACTOR = 1.5  # contacts nearer than this many times the largest motion of a step are kept
+
+
+class ContactModel(NamedTuple):
+    """Settings of the quasi-dynamic model.
+
+    Args:
+        compliance: c relative to the largest diagonal entry of the dual matrix; 0 is rigid.
+        push_out: largest overlap that one step resolves, m.
+        state_noise: whether a displacement moves the pose before the QP (the paper's literal
+            reading) instead of entering the QP as the object's free motion.
+        unlimited_lead: whether the command may run ahead of a stalled joint without limit.
+    """
+
+    compliance: float = 1e-4
+    push_out: float = 0.01
+    state_noise: bool = False
+    unlimited_lead: bool = False
+
+
+PAPER_MODEL = ContactModel(compliance=0.0, unlimited_lead=True)
+
+
+class _Workspace(NamedTuple):
+    """Scratch of one thread, so that no step allocates."""
+
+    frames: np.ndarray  # (n + 1, 4)
+    object_frame: np.ndarray  # (1, 4)
+    robot_vertices: np.ndarray
+    robot_centres: np.ndarray
+    object_vertices: np.ndarray
+    object_centres: np.ndarray
+    contacts: Contacts
+    weight: np.ndarray  # (n + 3,) diagonal of Q
+    free: np.ndarray  # (n + 3,) Q^-1 b
+    rows: np.ndarray  # (2 C, n + 3) A
+    value: np.ndarray  # (2 C,) A Q^-1 b + phi
+    G: np.ndarray
+    L: np.ndarray
+    multipliers: np.ndarray
+    passive: np.ndarray
+    z: np.ndarray
+
+
+@batch_kernel
+def make_workspace(scene):
+    """Scratch for one scene."""
+    n, m = scene.stiffness.shape[0], 2 * MAX_CONTACTS
+    weight = np.empty(n + 3)
+    weight[:n] = scene.stiffness
+    for i in range(3):
+        weight[n + i] = REGULARISER * MASS_MATRIX[i] / CONTROL_PERIOD**2
+    return _Workspace(
+        np.empty((n + 1, 4)),
+        np.empty((1, 4)),
+        np.empty_like(scene.robot.vertices),
+        np.empty_like(scene.robot.centre),
+        np.empty_like(scene.object.vertices),
+        np.empty_like(scene.object.centre),
+        make_contacts(),
+        weight,
+        np.empty(n + 3),
+        np.empty((m, n + 3)),
+        np.empty(m),
+        np.empty((m, m)),
+        np.empty((m, m)),
+        np.empty(m),
+        np.empty(m, dtype=np.int64),
+        np.empty(m),
+    )
+
+
+@kernel
+def place(scene, q, pose, work):
+    """World geometry of one state."""
+    link_frames(scene, q, work.frames)
+    place_shapes(scene.robot, work.frames, work.robot_vertices, work.robot_centres)
+    pose_frame(pose, work.object_frame)
+    place_shapes(scene.object, work.object_frame, work.object_vertices, work.object_centres)
+
+
+@kernel
+def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
+    """q_cmd <- clip(q_cmd + h u, limits), then at most max_lead from the joint."""
+    for j in range(q.shape[0]):
+        a = target[j]
+        if absolute:
+            a = (target[j] - q_cmd[j]) / (CONTROL_PERIOD * scene.speed_limit[j])
+        a = min(max(a, -1.0), 1.0)
+        action[j] = a
+        command = q_cmd[j] + CONTROL_PERIOD * (a * scene.speed_limit[j])
+        command = min(max(command, scene.lower[j]), scene.upper[j])
+        if not model.unlimited_lead:
+            command = min(max(command, q[j] - scene.max_lead[j]), q[j] + scene.max_lead[j])
+        new_cmd[j] = command
+
+
+@kernel
+def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
+    """Contacts, rows A and values A Q^-1 b + phi of this step; returns the number of rows."""
+    n = q.shape[0]
+    margin = np.sqrt(w_x * w_x + w_y * w_y)
+    for j in range(n):
+        work.free[j] = q_cmd[j] - q[j]
+        margin += scene.reach[j] * max(abs(work.free[j]), CONTROL_PERIOD * scene.speed_limit[j])
+    work.free[n], work.free[n + 1], work.free[n + 2] = w_x, w_y, 0.0
+    find_contacts(
+        scene, work.robot_vertices, work.robot_centres, work.object_vertices, work.object_centres,
+        MARGIN_FACTOR * margin, work.contacts,
+    )  # fmt: skip
+    contact_rows(scene, work.frames, pose, work.contacts, friction, work.rows)
+    for i in range(2 * work.contacts.number[0]):
+        value = max(work.contacts.gap[i // 2], -model.push_out)
+        for j in range(n + 3):
+            value += work.rows[i, j] * work.free[j]
+        work.value[i] = value
+    return 2 * work.contacts.number[0]
+
+
+@kernel
+def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
+    """Solve the QP and integrate; returns the number of positive multipliers."""
+    n = q_cmd.shape[0]
+    for k in range(touched.shape[0]):
+        touched[k] = False
+    active = 0
+    for i in range(m):
+        if work.value[i] < 0.0:
+            dual_matrix(work.rows, m, work.weight, model.compliance, work.G)
+            active = solve_dual(work.G, work.value, m, work.multipliers, work.passive, work.L, work.z)
+            break
+    for j in range(n):  # q + dq with dq = (q_cmd - q) + K^-1 A^T lambda
+        push = 0.0
+        for i in range(active):
+            push += work.rows[work.passive[i], j] * work.multipliers[work.passive[i]]
+        new_q[j] = q_cmd[j] + push / work.weight[j]
+    for j in range(3):
+        push = 0.0
+        for i in range(active):
+            push += work.rows[work.passive[i], n + j] * work.multipliers[work.passive[i]]
+        new_pose[j] = pose[j] + (work.free[n + j] + push / work.weight[n + j])
+    for i in range(active):
+        touched[work.contacts.link[work.passive[i] // 2]] = True
+    return active
+
+
+@kernel
+def _measure(scene, work, t, distance, contact):
+    """Link distances at time t, and links within touching distance added to the contacts."""
+    link_distances(scene, work.robot_vertices, work.object_vertices, distance[t])
+    for k in range(scene.links):
+        contact[t, k] = contact[t, k] or distance[t, k] <= TOUCH_DISTANCE
+
+
+@kernel
+def _rollout_row(scene, model, values, absolute, displacement, friction, work, motion):
+    """Simulate one row; arguments as in `rollout_rows` without the row axis."""
+    q_r, q_cmd, pose, actions, distance, contact, active = motion
+    place(scene, q_r[0], pose[0], work)
+    for k in range(scene.links):
+        contact[0, k] = False
+    active[0] = 0
+    _measure(scene, work, 0, distance, contact)
+    for t in range(values.shape[0]):
+        w_x, w_y = 0.0, 0.0
+        if displacement.shape[0] > 0:
+            w_x, w_y = displacement[t, 0], displacement[t, 1]
+        here = pose[t + 1]
+        for j in range(3):
+            here[j] = pose[t, j]
+        if model.state_noise and (w_x != 0.0 or w_y != 0.0):
+            here[0] += w_x
+            here[1] += w_y
+            w_x, w_y = 0.0, 0.0
+            place(scene, q_r[t], here, work)
+        advance_command(scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1])
+        m = assemble(scene, model, friction, q_r[t], q_cmd[t + 1], here, w_x, w_y, work)
+        active[t + 1] = _solve_and_move(model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1])
+        place(scene, q_r[t + 1], here, work)
+        _measure(scene, work, t + 1, distance, contact)
+
+
+@batch_kernel
+def rollout_rows(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
+    """Simulate rows `rows[lo:hi]`; the start stands at time index 0 of the motion's arrays.
+
+    Args:
+        lo, hi: range of entries of `rows`.
+        rows: row numbers that share this scene, shape (R,).
+        scene: a `PackedScene`.
+        model: a `ContactModel`.
+        values, absolute, displacement: as in `Commands`; displacement may have no steps.
+        friction: mu of every row, shape (B,).
+        motion: a `Motion`'s arrays as a tuple, filled in place.
+    """
+    q_r, q_cmd, pose, actions, distance, contact, active = motion
+    work = make_workspace(scene)
+    for r in range(lo, hi):
+        i = rows[r]
+        row = (q_r[i], q_cmd[i], pose[i], actions[i], distance[i], contact[i], active[i])
+        _rollout_row(scene, model, values[i], absolute, displacement[i], friction[i], work, row)

@@ -1,0 +1,65 @@
+"""The quasi-dynamic rollout in plain NumPy and OSQP: the readable reference of the compiled one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from piec_envs.dynamics.base import TOUCH_DISTANCE
+from piec_envs.dynamics.contact_qp import ContactProblem, solve_osqp
+from piec_envs.dynamics.contact_step import advance_command, assemble, make_workspace, place
+from piec_envs.geometry.distance import link_distances
+
+
+def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
+    """The same as `rollout_rows` in plain NumPy, one OSQP problem set up per step: the reference."""
+    q_r, q_cmd, pose, actions, distance, contact, active = motion
+    work = make_workspace(scene)
+    n = q_r.shape[2]
+    for i in rows[lo:hi]:
+        place(scene, q_r[i, 0], pose[i, 0], work)
+        link_distances(scene, work.robot_vertices, work.object_vertices, distance[i, 0])
+        contact[i, 0] = distance[i, 0] <= TOUCH_DISTANCE
+        active[i, 0] = 0
+        for t in range(values.shape[1]):
+            w = displacement[i, t] if displacement.shape[1] else np.zeros(2)
+            here = pose[i, t].copy()
+            if model.state_noise:
+                here[:2] += w
+                w = np.zeros(2)
+            place(scene, q_r[i, t], here, work)
+            advance_command(
+                scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1]
+            )
+            problem = assemble_problem(scene, model, friction[i], q_r[i, t], q_cmd[i, t + 1], here, w, work)
+            solution = solve_osqp(problem)
+            pushed = solution.multipliers > 1e-9
+            q_r[i, t + 1] = q_r[i, t] + solution.step[:n]
+            pose[i, t + 1] = here + solution.step[n:]
+            active[i, t + 1] = pushed.sum()
+            place(scene, q_r[i, t + 1], pose[i, t + 1], work)
+            link_distances(scene, work.robot_vertices, work.object_vertices, distance[i, t + 1])
+            contact[i, t + 1] = distance[i, t + 1] <= TOUCH_DISTANCE
+            contact[i, t + 1, work.contacts.link[np.flatnonzero(pushed) // 2]] = True
+
+
+def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=None) -> ContactProblem:
+    """The contact QP of one step as a value object.
+
+    Args:
+        scene: a `PackedScene`.
+        model: a `ContactModel`.
+        friction: mu.
+        q, q_cmd: joints and this step's command, shape (n,).
+        pose: object pose, shape (3,).
+        displacement: the object's free displacement, shape (2,), m.
+        work: scratch in which this state has been placed; made when None.
+
+    Returns:
+        The problem, independent of the scratch.
+    """
+    if work is None:
+        work = make_workspace(scene)
+        place(scene, q, pose, work)
+    m = assemble(scene, model, friction, q, q_cmd, pose, displacement[0], displacement[1], work)
+    gap = np.maximum(np.repeat(work.contacts.gap[: m // 2], 2), -model.push_out)
+    return ContactProblem(work.weight.copy(), work.free.copy(), work.rows[:m].copy(), gap, model.compliance)

@@ -1,0 +1,251 @@
+"""The single environments: a batch of one episode behind Gymnasium's `Env`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from piec_envs.config import EnvConfig
+from piec_envs.core import EpisodeBatch, Rollout
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.info import batch_info, row_info
+from piec_envs.observation import observation_bound, observation_layout
+from piec_envs.state import State
+from piec_envs.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
+
+SEED_BOUND = 2**63 - 1
+RENDER_MODES = ("rgb_array",)
+_COST = MEASURES.index("cost")
+
+
+def make_config(task: str, options: Mapping[str, Any]) -> EnvConfig:
+    """Validate keyword arguments.
+
+    Raises:
+        UnknownNameError: for a keyword that does not exist.
+    """
+    for name in options:
+        if name not in EnvConfig.field_names():
+            raise UnknownNameError("keyword argument", name, [*EnvConfig.field_names(), "dtype", "render_mode"])
+    return EnvConfig(task, **options)
+
+
+class Interface:
+    """Spaces, observations and rewards, shared by the single env and the VectorEnv.
+
+    Args:
+        batch: the episodes.
+        dtype: "float64" or "float32", of the observations.
+        render_mode: None or "rgb_array".
+    """
+
+    def __init__(self, batch: EpisodeBatch, dtype: str, render_mode: str | None):
+        if dtype not in ("float64", "float32"):
+            raise UnknownNameError("dtype", dtype, ("float64", "float32"))
+        if render_mode not in (None, *RENDER_MODES):
+            raise UnknownNameError("render_mode", render_mode, RENDER_MODES)
+        self.batch = batch
+        self.dtype = np.dtype(dtype)
+        self.mode = batch.config.goal_conditioned
+        self.layout = observation_layout(batch.robot, batch.tracking)
+        bound = observation_bound(batch.robot, batch.tracking).astype(self.dtype)
+        self.observation_space: spaces.Space = spaces.Box(-bound, bound, dtype=self.dtype)
+        if self.mode:
+            where = np.full(2, bound[self.layout["object"]][0])
+            goal = spaces.Box(-where, where, dtype=self.dtype)
+            self.observation_space = spaces.Dict(
+                observation=self.observation_space, achieved_goal=goal, desired_goal=goal
+            )
+        self.action_space = spaces.Box(-1.0, 1.0, (batch.robot.dof,), dtype=np.dtype("float64"))
+
+    def observe(self) -> Any:
+        """Observations of all rows, as an array or a dict of arrays."""
+        flat = self.batch.observe().astype(self.dtype, copy=False)
+        if not self.mode:
+            return flat
+        achieved = flat[:, self.layout["object"]][:, :2].copy()
+        desired = np.repeat(self.batch.task.goal[None].astype(self.dtype), len(flat), axis=0)
+        return {"observation": flat, "achieved_goal": achieved, "desired_goal": desired}
+
+    def reward(self, observation: Any) -> np.ndarray:
+        """Rewards of all rows for the step that led to `observation`, shape (B,)."""
+        if self.mode:
+            return self.compute_reward(observation["achieved_goal"], observation["desired_goal"])
+        return -REWARD_SCALE * self.batch.measures[:, _COST]
+
+    def compute_reward(self, achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
+        """Reward of reaching `achieved` (..., 2) when `desired` (..., 2) was asked for."""
+        offset = np.asarray(achieved, dtype=float) - np.asarray(desired, dtype=float)
+        square = offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]
+        if self.mode == "dense":
+            return -REWARD_SCALE * self.batch.weights.task * square
+        return -(np.sqrt(square) > GOAL_RADIUS).astype(float)
+
+
+def take_row(observation: Any, row: int = 0) -> Any:
+    """One row of a batch of observations, an array or a dict of arrays."""
+    if isinstance(observation, dict):
+        return {name: value[row].copy() for name, value in observation.items()}
+    return observation[row].copy()
+
+
+def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls: np.ndarray | None) -> Rollout:
+    """Roll out joint paths or controls; see `PlanarArmEnv.rollout`."""
+    values = path if controls is None else controls
+    if values is None or (path is not None and controls is not None):
+        raise InvalidParameterError("rollout takes either path or controls")
+    return batch.rollout(state, values, absolute=controls is None)
+
+
+class PlanarArmEnv(gym.Env):
+    """Base class of the single environments of the planar arm; see the subclasses."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    task_name: ClassVar[str]
+
+    def __init__(self, dtype: str = "float64", render_mode: str | None = None, **options: Any):
+        config = make_config(self.task_name, options)
+        self._batch = EpisodeBatch(config, rows=1)
+        self._interface = Interface(self._batch, dtype, render_mode)
+        self.render_mode = render_mode
+        self.observation_space = self._interface.observation_space
+        self.action_space = self._interface.action_space
+        self._trail: list[np.ndarray] = []
+
+    @property
+    def config(self) -> EnvConfig:
+        """The validated keyword arguments."""
+        return self._batch.config
+
+    @property
+    def batch(self) -> EpisodeBatch:
+        """The batch of one episode that does the work."""
+        return self._batch
+
+    @property
+    def observation_layout(self) -> dict[str, slice]:
+        """Names and places of the entries of an observation."""
+        return self._interface.layout
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Begin an episode; see the class for the options."""
+        super().reset(seed=seed)
+        self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
+        return self._begin()
+
+    def step(self, action: np.ndarray):
+        """Advance by one control step of 0.1 s."""
+        self._batch.step(np.asarray(action, dtype=float)[None])
+        observation = self._interface.observe()
+        reward = float(self._interface.reward(observation)[0])
+        if self.render_mode:
+            self._trail.append(self._batch.state.pose[0, :2].copy())
+        return take_row(observation), reward, False, False, row_info(batch_info(self._batch))
+
+    def get_state(self) -> State:
+        """Everything that decides how this episode goes on."""
+        return self._batch.state.copy()
+
+    def set_state(self, state: State) -> tuple[Any, dict]:
+        """Continue from a state of `get_state`.
+
+        Returns:
+            The observation and info of that state.
+        """
+        if not isinstance(state, State) or state.rows != 1:
+            raise InvalidParameterError(f"set_state takes a State of one row, got {state!r}")
+        self._batch.restore(state)
+        return self._begin()
+
+    def rollout(self, state: State, path: np.ndarray | None = None, controls: np.ndarray | None = None) -> Rollout:
+        """Simulate a batch of trajectories from a state without touching the running episode.
+
+        Args:
+            state: one row, or one row for each trajectory.
+            path: absolute joint positions to follow, shape (B, N, n), rad; or
+            controls: actions in [-1, 1], shape (B, N, n).
+
+        Returns:
+            The trajectories; bit-equal to stepping.
+
+        Raises:
+            InvalidParameterError: unless exactly one of path and controls is given.
+        """
+        return rollout(self._batch, state, path, controls)
+
+    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any = None) -> Any:
+        """Reward of a goal-conditioned env, for one goal or a batch of them (for HER)."""
+        reward = self._interface.compute_reward(achieved_goal, desired_goal)
+        return float(reward) if reward.ndim == 0 else reward
+
+    def render(self) -> np.ndarray | None:
+        """Draw the present state, shape (height, width, 3), uint8; None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from piec_envs.rendering import render_frame
+
+        return render_frame(self._batch, 0, np.array(self._trail))
+
+    def _begin(self) -> tuple[Any, dict]:
+        self._trail = [self._batch.state.pose[0, :2].copy()]
+        return take_row(self._interface.observe()), row_info(batch_info(self._batch))
+
+
+class PlanarArmPushEnv(PlanarArmEnv):
+    """Push an object into a goal region with the whole planar 4-DOF arm (paper section 5.5).
+
+    **Action.** Box(-1, 1, (4,)): commanded joint velocities over 0.05 rad/s. The command moves by
+    at most 0.005 rad in a step of 0.1 s, stays within the joint limits (+-pi, +-2.6 rad) and leads
+    the joint by at most 0.01 rad.
+
+    **Observation.** Box(23,), in this order: cos q, sin q, q_r and q_cmd over the limits (4 each);
+    object x, y (m), cos and sin of its angle; goal minus object (m); step over 1000. With
+    `goal_conditioned`, a dict with "achieved_goal" and "desired_goal" (2 each) beside it.
+
+    **Reward.** Minus 0.001 times the planner's stage cost w_task |goal - object|^2 + w_command |u|^2
+    + w_prior c_prior; with `goal_conditioned`, -(d2g > 0), or minus the task term alone for "dense".
+
+    **Start.** Arm straight along x, object at (0.55, 0.25) m, drawn with `start_noise`. Options of
+    `reset`: "params" (plant parameters) and "state" (a `State`, or a dict of q_r, q_cmd, pose, step).
+
+    **End.** Never terminated; truncated after 1000 steps. An episode succeeds if d2g = 0 at its last
+    step: the object's centre is within 0.05 m of the goal (-0.3, 0.4).
+
+    **Info.** is_success, goal_distance, d2g, link_distance, contact_links, min_distance,
+    mean_distance, penetration, cost_task, cost_command, cost_prior, params; and, unless
+    `escape_field=None`, escape_time (s) and caging (0.02 of it).
+
+    **Arguments.** Those of `EnvConfig`, `dtype` ("float64" or "float32") and `render_mode`.
+
+    **Version history.** v0: first version.
+    """
+
+    task_name = "push"
+
+
+class PlanarArmTrackEnv(PlanarArmEnv):
+    """Move an object along an arc around the base, in time, with the whole planar 4-DOF arm.
+
+    Everything is as in `PlanarArmPushEnv` but the following.
+
+    **Observation.** Box(25,): before the time stands the reference of the next step minus the object.
+
+    **Reward.** The task term is the distance to the reference point of this time (with
+    `preset="paper"` to the nearest of 50 points of the reference).
+
+    **Task.** The reference leaves (0.55, 0.25), reaches (-0.3, 0.4) after 900 steps at constant
+    angular speed around the base, and rests there.
+
+    **End.** Truncated after 1000 steps. Success: d2g = 0 at the last step and a mean tracking error
+    of at most 0.03 m over the episode.
+
+    **Info.** Also tracking_error and mean_tracking_error, m.
+
+    **Version history.** v0: first version.
+    """
+
+    task_name = "track"

@@ -1,0 +1,202 @@
+"""The square grid over a disc workspace, and the escape time of one configuration on it.
+
+Nodes outside the disc are given, T = (R - |p|) / u, negative, so that T = 0 holds on the circle to
+second order although the circle crosses the cells; u is the speed at the node, since the robot may
+reach the circle, and u_bar in the wall. T_0(p) = (R - |p|) / u_bar bounds T from below everywhere;
+the solvers are told so, which makes them exact where nothing is in the way.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, uint64
+
+from piec_envs.escape.marching import march, sort_by_time
+from piec_envs.escape.speed import cost_map, distance_map
+from piec_envs.escape.sweeping import FAR, WALL, Diagonals, diagonal_layout, sweep_to_rest, to_diagonals
+from piec_envs.geometry.kinematics import link_frames, place_shapes
+
+MARGIN = 2  # cells between the circle and the border of the grid
+EDGE = 2.9  # nodes this many cells outside the circle take part in the stencils of those inside
+
+
+class Disc(NamedTuple):
+    """What is the same for every configuration.
+
+    M nodes lie inside the disc, in row order; E more, the edge, lie outside within two cells.
+    """
+
+    radius: float  # m
+    h: float  # cell size, m
+    axis: np.ndarray  # (N,) coordinates of the grid lines, both ways, m
+    inside: int  # M
+    x: np.ndarray  # (M + E,) nodes inside the disc, then those of the edge, m
+    y: np.ndarray  # (M + E,)
+    node: np.ndarray  # (M + E,) int64, their flat index in the grid
+    edge: np.ndarray  # (2, E) int64, flat index of the edge's nodes in each layout of diagonals
+    layout: Diagonals
+    bound: np.ndarray  # (N, N) T_0, s
+    bounds: np.ndarray  # (2, 2 N - 1, N) the same by diagonals
+
+
+class Scratch(NamedTuple):
+    """Working memory of one thread."""
+
+    frames: np.ndarray  # (n + 1, 4)
+    vertices: np.ndarray  # (V, 2)
+    centres: np.ndarray  # (S, 2)
+    near: np.ndarray  # (M + E,) distances of the nodes, m
+    cost: np.ndarray  # (M + E,) their slowness times h, s
+    work: np.ndarray  # (2, M + E)
+    distance: np.ndarray  # (N, N) m, inf beyond the edge
+    time: np.ndarray  # (N, N) s, FAR where nothing leads out
+    field: np.ndarray  # (2, 2 N - 1, N) T by diagonals
+    costs: np.ndarray  # (2, 2 N - 1, N) the cost by diagonals
+    keys: np.ndarray  # (M,) float32
+    orders: np.ndarray  # (2, M) uint32
+
+
+def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
+    """The grid of `resolution` nodes a side that extends two cells beyond the disc.
+
+    Args:
+        radius: of the workspace, m.
+        u_bar: speed in free space, m/s.
+        resolution: nodes a side.
+    """
+    h = 2 * radius / (resolution - 1 - 2 * MARGIN)
+    axis = (np.arange(resolution) - (resolution - 1) / 2) * h  # (N,)
+    y, x = np.meshgrid(axis, axis, indexing="ij")  # (N, N)
+    bound = (radius - np.hypot(x, y)) / u_bar
+    inside = bound > 0
+    edge = np.argwhere(~inside & (bound > -EDGE * h / u_bar))  # (E, 2) row, column
+    node = np.concatenate([np.flatnonzero(inside), edge @ [resolution, 1]])  # (M + E,)
+    rows = np.stack([edge[:, 0], resolution - 1 - edge[:, 0]])  # (2, E), plain and upside down
+    bounds = np.zeros((2, 2 * resolution - 1, resolution))
+    for flip in range(2):
+        to_diagonals(bound, flip, bounds[flip])
+    return Disc(
+        radius=float(radius),
+        h=float(h),
+        axis=axis,
+        inside=int(inside.sum()),
+        x=x.ravel()[node],
+        y=y.ravel()[node],
+        node=node,
+        edge=(rows + edge[:, 1]) * resolution + edge[:, 1],
+        layout=diagonal_layout(inside),
+        bound=bound,
+        bounds=bounds,
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def make_scratch(scene, disc):
+    """Working memory for one thread."""
+    n, m = disc.axis.shape[0], disc.x.shape[0]
+    return Scratch(
+        np.empty((scene.joint_axis.shape[0] + 1, 4)),
+        np.empty_like(scene.robot.vertices),
+        np.empty_like(scene.robot.centre),
+        np.empty(m),
+        np.empty(m),
+        np.empty((2, m)),
+        np.full((n, n), np.inf),
+        disc.bound.copy(),
+        disc.bounds.copy(),
+        np.full(disc.bounds.shape, WALL),
+        np.empty(m, dtype=np.float32),
+        np.empty((2, m), dtype=np.uint32),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def place_robot(scene, base, q, scratch):
+    """Frames and vertices of a configuration relative to its base.
+
+    Args:
+        scene: a `PackedScene`.
+        base: number of leading joints that move the base and with it the disc.
+        q: joint positions, shape (n,).
+        scratch: frames, vertices and centres are written.
+    """
+    link_frames(scene, q, scratch.frames)
+    place_shapes(scene.robot, scratch.frames, scratch.vertices, scratch.centres)
+    x, y = scratch.frames[base, 0], scratch.frames[base, 1]
+    for array in (scratch.frames, scratch.vertices):
+        array[:, 0] -= x
+        array[:, 1] -= y
+    return x, y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _first_order(disc, scratch):
+    """Sweep, from `scratch.cost` to layout 0 of `scratch.field`."""
+    n = disc.axis.shape[0]
+    width, stride = uint64(n), uint64(n + 1)
+    for flip in range(2):
+        field, costs = scratch.field[flip].ravel(), scratch.costs[flip].ravel()
+        first = uint64(0)
+        for i in range(n):
+            lo, count = disc.layout.rows[i, 0], disc.layout.rows[i, 1] - disc.layout.rows[i, 0]
+            start = uint64(n - 1 - i if flip else i) * width + lo * stride  # grid[i, j] -> [i + j, j]
+            for j in range(count):
+                f = scratch.cost[first + j]
+                costs[start + j * stride] = f if f < WALL else WALL
+                field[start + j * stride] = FAR
+            first += count
+    sweep_to_rest(scratch.field, scratch.costs, disc.bounds, disc.layout)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _by_rows(disc, field, out):
+    """Inside nodes of layout 0 in row order, shape (M,)."""
+    width, stride = uint64(field.shape[1]), uint64(field.shape[1] + 1)
+    field, first = field.ravel(), uint64(0)
+    for i in range(disc.axis.shape[0]):
+        lo, count = disc.layout.rows[i, 0], disc.layout.rows[i, 1] - disc.layout.rows[i, 0]
+        start = uint64(i) * width + lo * stride
+        for j in range(count):
+            out[first + j] = field[start + j * stride]
+        first += count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _give_edge(speed, disc, scratch):
+    """T of the nodes just outside the disc, which the robot may slow down, s."""
+    time, plain, flipped = scratch.time.ravel(), scratch.field[0].ravel(), scratch.field[1].ravel()
+    for e in range(disc.edge.shape[1]):
+        k = disc.inside + e
+        beyond = np.hypot(disc.x[k], disc.y[k]) - disc.radius
+        slow = scratch.cost[k] / disc.h if scratch.near[k] > speed.d0 else 1.0 / speed.u_bar
+        time[disc.node[k]] = plain[disc.edge[0, e]] = flipped[disc.edge[1, e]] = -beyond * slow
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solve_disc(scene, speed, disc, second_order, scratch):
+    """Escape time of a placed robot at every node of the grid.
+
+    Args:
+        scene: a `PackedScene`.
+        speed: a `PackedSpeed`.
+        disc: a `Disc`.
+        second_order: whether second-order marching follows the first-order sweeps.
+        scratch: a `Scratch` with the vertices placed; `time` and `distance` are written.
+    """
+    m = disc.inside
+    distance_map(scene.robot, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
+    cost_map(speed, scratch.near, disc.h, scratch.cost)
+    _give_edge(speed, disc, scratch)
+    _first_order(disc, scratch)
+    first = scratch.work[0, :m]
+    _by_rows(disc, scratch.field[0], first)
+    distance, time = scratch.distance.ravel(), scratch.time.ravel()
+    for k in range(m):
+        time[disc.node[k]] = FAR if second_order else first[k]
+    for k in range(disc.node.shape[0]):
+        distance[disc.node[k]] = scratch.near[k]
+    if second_order:
+        sort_by_time(first, scratch.keys[:m], scratch.orders[0, :m], scratch.orders[1, :m])
+        march(time, scratch.cost, disc.bound.ravel(), scratch.orders[0, :m], disc.node, disc.axis.shape[0])

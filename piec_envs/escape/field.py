@@ -1,0 +1,134 @@
+"""What an escape field answers, the table of fields, and the escape time of an object."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numba import njit
+
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.escape.grid import FieldMap, GridField
+from piec_envs.escape.speed import SpeedModel
+
+CAGING_SCALE = 0.02  # 1/s: caging = 0.02 T, the scale of the paper's plots
+REDUCTIONS = {"mean": np.mean, "max": np.max}
+
+
+class EscapeField(Protocol):
+    """Anything that answers escape times: exact (`grid`) or learned. Shapes as in `GridField`."""
+
+    name: str
+
+    @property
+    def u_bar(self) -> float:
+        """Speed in free space, m/s."""
+        ...
+
+    def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
+        """T of points, s."""
+        ...
+
+    def point_gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(T, dT_dp)."""
+        ...
+
+    def gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(T, dT_dp, dT_dq)."""
+        ...
+
+    def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
+        """Fastest way out for a point, shape (m, 2), m."""
+        ...
+
+    def solve(self, q_r: np.ndarray) -> FieldMap:
+        """T and speed over the workspace."""
+        ...
+
+    def spec(self) -> dict:
+        """What makes this field again through `make_field(**spec)`, as JSON-able values."""
+        ...
+
+
+FIELDS = {"grid": GridField}
+
+
+def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) -> EscapeField:
+    """The escape field of that name; equal arguments give the same instance.
+
+    Args:
+        name: a row of the table of fields.
+        robot_name: a row of the table of robots.
+        options: the field's other arguments; `speed` may be a `SpeedModel` or a dict of its numbers.
+
+    Returns:
+        A field, to be treated as read-only.
+
+    Raises:
+        UnknownNameError: if a table has no such row.
+        InvalidParameterError: if an option is not one of the field's.
+    """
+    if name not in FIELDS:
+        raise UnknownNameError("escape field", name, FIELDS)
+    if isinstance(options.get("speed"), dict):
+        options["speed"] = SpeedModel(**options["speed"])
+    try:
+        return _cached_field(name, robot_name, **options)
+    except TypeError as error:
+        raise InvalidParameterError(f"escape field {name!r}: {error}") from error
+
+
+@lru_cache(maxsize=32)
+def _cached_field(name, robot_name, **options):
+    return FIELDS[name](robot_name, **options)
+
+
+@njit(cache=True, nogil=True)
+def _place(key_points, pose, out):
+    """out[b, i] = key point i of the object at pose b, shapes (k, 2), (B, 3), (B, k, 2)."""
+    for b in range(pose.shape[0]):
+        c, s = np.cos(pose[b, 2]), np.sin(pose[b, 2])
+        for i in range(key_points.shape[0]):
+            out[b, i, 0] = pose[b, 0] + c * key_points[i, 0] - s * key_points[i, 1]
+            out[b, i, 1] = pose[b, 1] + s * key_points[i, 0] + c * key_points[i, 1]
+
+
+def key_points_world(key_points: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Key points of an object in the world, the same bits in every batch size.
+
+    Args:
+        key_points: in the object's frame, shape (k, 2), m.
+        pose: x, y, angle, shape (..., 3), m, rad.
+
+    Returns:
+        Points, shape (..., k, 2), m.
+    """
+    key_points = np.ascontiguousarray(key_points, dtype=float)
+    pose = np.ascontiguousarray(pose, dtype=float)
+    out = np.empty((*pose.shape[:-1], *key_points.shape))
+    _place(key_points, pose.reshape(-1, 3), out.reshape(-1, *key_points.shape))
+    return out
+
+
+def object_escape_time(
+    field: EscapeField, key_points: np.ndarray, pose: np.ndarray, q_r: np.ndarray, reduce: str = "mean"
+) -> np.ndarray:
+    """Escape time of an object, a lower bound from its key points (paper, section 4.3, eq. of T_hat).
+
+    Args:
+        field: an `EscapeField`.
+        key_points: in the object's frame, shape (k, 2), m.
+        pose: x, y, angle of the object, shape (B, 3) or (3,).
+        q_r: joint positions, shape (B, n) or (n,).
+        reduce: "mean" over the key points (the paper's choice) or "max" (the tighter bound).
+
+    Returns:
+        T_hat in s, shape (B,) or ().
+
+    Raises:
+        UnknownNameError: if the reduction is not known.
+    """
+    if reduce not in REDUCTIONS:
+        raise UnknownNameError("reduction", reduce, REDUCTIONS)
+    return REDUCTIONS[reduce](field.query(key_points_world(key_points, pose), q_r), axis=-1)

@@ -1,0 +1,143 @@
+"""Fastest escape paths, and the gradient of the escape time in q_r by integration along them.
+
+T is the integral of the slowness kappa(d(p, q_r)) along the fastest path, and that path is optimal,
+so only the medium's change counts (envelope theorem):
+
+    dT/dq = integral of kappa'(d) dd/dq ds  +  sum over wall crossings of [kappa] (-dd/dq) / |cos|
+
+with dd/dq = -n . J of the closest surface point; the sum is the wall's edge moving along the path.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from piec_envs.escape.between import distance_at, value
+from piec_envs.escape.speed import slowness, slowness_slope
+from piec_envs.escape.sweeping import FAR
+from piec_envs.geometry.distance import point_distance
+from piec_envs.geometry.kinematics import point_velocity
+
+STEP = 0.5  # length of a step along the path, in cells
+MAX_STEPS_PER_NODE = 40  # a path has at most this many steps per grid line
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lower_node(field, x, y, t):
+    """The node around a point that is lower than t and quickest to leave by, as (T, x, y)."""
+    i, j = int((y - field.start) / field.h), int((x - field.start) / field.h)
+    best, b_t, b_x, b_y = np.inf, FAR, x, y
+    for k in range(16):
+        a, b = i - 1 + k // 4, j - 1 + k % 4
+        n_t, n_x, n_y = field.time[a, b], field.start + b * field.h, field.start + a * field.h
+        if n_t < t:
+            total = n_t + np.hypot(n_x - x, n_y - y) * slowness(field.speed, distance_at(field, x, y))
+            if total < best:
+                best, b_t, b_x, b_y = total, n_t, n_x, n_y
+    return b_t, b_x, b_y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clip_to_circle(radius, x, y, to_x, to_y):
+    """The point where the segment from (x, y), inside, to an outside point meets the circle."""
+    d_x, d_y = to_x - x, to_y - y
+    a, b, c = d_x * d_x + d_y * d_y, x * d_x + y * d_y, x * x + y * y - radius * radius
+    w = (-b + np.sqrt(b * b - a * c)) / a
+    return x + w * d_x, y + w * d_y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance(field, x, y, t, e_x, e_y):
+    """One step down the field: along the descent, or to a lower node where that does not go down.
+
+    Args:
+        field: a `Field`.
+        x, y, t, e_x, e_y: a point inside the disc and its `value`.
+
+    Returns:
+        The same five of the next point; T = 0 on the circle, T = inf if there is no way down.
+    """
+    length = STEP * field.h
+    for _ in range(3 if e_x != 0.0 or e_y != 0.0 else 0):
+        n_x, n_y = x + length * e_x, y + length * e_y
+        if np.hypot(n_x, n_y) >= field.radius:
+            n_x, n_y = _clip_to_circle(field.radius, x, y, n_x, n_y)
+            return n_x, n_y, 0.0, 0.0, 0.0
+        n_t, n_ex, n_ey = value(field, n_x, n_y)
+        if n_t < t:
+            return n_x, n_y, n_t, n_ex, n_ey
+        length *= 0.5
+    n_t, n_x, n_y = _lower_node(field, x, y, t)
+    if n_t >= FAR:
+        return x, y, np.inf, 0.0, 0.0
+    if n_t <= 0.0:
+        n_x, n_y = _clip_to_circle(field.radius, x, y, n_x, n_y)
+        return n_x, n_y, 0.0, 0.0, 0.0
+    n_t, n_ex, n_ey = value(field, n_x, n_y)
+    return n_x, n_y, n_t, n_ex, n_ey
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def trace(field, x, y, path):
+    """Fastest path from a point to the circle.
+
+    Args:
+        field: a `Field`.
+        x, y: the start relative to the base, m.
+        path: output, shape (m, 2), m; MAX_STEPS_PER_NODE rows per grid line are enough.
+
+    Returns:
+        The number of points written: 1 where nothing leads out or the start is outside.
+    """
+    path[0, 0], path[0, 1] = x, y
+    count = 1
+    t, e_x, e_y = value(field, x, y)
+    while 0.0 < t < np.inf and count < path.shape[0]:
+        x, y, t, e_x, e_y = advance(field, x, y, t, e_x, e_y)
+        if t < np.inf:
+            path[count, 0], path[count, 1] = x, y
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_motion(scene, base, frames, field, at, weight, out):
+    """Add weight * dd/dq at the point `at` to `out`, shape (n,); d is the distance to the robot."""
+    _, shape, s_x, s_y, n_x, n_y = point_distance(field.robot, field.vertices, at[0], at[1])
+    for j in range(base, field.robot.frame[shape]):
+        v_x, v_y = point_velocity(scene, frames, j, s_x, s_y)
+        out[j] -= weight * (n_x * v_x + n_y * v_y)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def configuration_gradient(scene, base, frames, field, point, out):
+    """dT/dq_r at a point, by the envelope theorem along its escape path.
+
+    Args:
+        scene: a `PackedScene`.
+        base: number of leading joints that only move the base.
+        frames: relative to the base, shape (n + 1, 4).
+        field: a `Field`.
+        point: relative to the base, shape (2,), m.
+        out: output, shape (n,), s/rad or s/m; zero where T is 0 or inf, and for the base's joints.
+    """
+    out[:] = 0.0
+    x, y = point[0], point[1]
+    t, e_x, e_y = value(field, x, y)
+    if t == np.inf:
+        return
+    d, d0 = distance_at(field, x, y), field.speed.d0
+    jump = slowness(field.speed, d0) - slowness(field.speed, d0 + 1e-12)
+    steps = MAX_STEPS_PER_NODE * field.time.shape[0]
+    while 0.0 < t < np.inf and steps > 0:
+        steps -= 1
+        n_x, n_y, t, e_x, e_y = advance(field, x, y, t, e_x, e_y)
+        n_d, length = distance_at(field, n_x, n_y), np.hypot(n_x - x, n_y - y)
+        middle = (0.5 * (x + n_x), 0.5 * (y + n_y))
+        weight = slowness_slope(field.speed, distance_at(field, middle[0], middle[1])) * length
+        if (d > d0) != (n_d > d0) and jump < np.inf:
+            weight -= jump * length / abs(n_d - d)
+        if weight != 0.0:
+            _add_motion(scene, base, frames, field, middle, weight, out)
+        x, y, d = n_x, n_y, n_d

@@ -1,0 +1,145 @@
+"""How an episode starts: the drawn start, the user's state, and what is refused."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from piec_envs.config import EnvConfig
+from piec_envs.errors import InvalidStateError, UnknownNameError
+from piec_envs.geometry.distance import scene_distances
+from piec_envs.state import PlantParams, State
+from piec_envs.tasks import Task
+from piec_envs.world.robots import Robot
+from piec_envs.world.scene import pack_scene
+
+OPTIONS = ("params", "state")
+STATE_FIELDS = ("q_r", "q_cmd", "pose", "step")
+ALLOWED_PENETRATION = 1e-3  # m; what the contact models themselves may leave
+MOVE_LIMIT = (0.02, 0.3)  # m, rad: how far an overlapping start may be moved
+DRAWS = 100
+
+
+class StartSampler:
+    """Draws and checks the starts of episodes.
+
+    Args:
+        robot: the robot.
+        task: the task.
+        config: the environment's keyword arguments.
+    """
+
+    def __init__(self, robot: Robot, task: Task, config: EnvConfig):
+        self.robot, self.task, self.config = robot, task, config
+        self._lower, self._upper = robot.joint_array("lower"), robot.joint_array("upper")
+
+    def check_options(self, options: Mapping[str, Any] | None) -> dict[str, Any]:
+        """The options of `reset` as a dict.
+
+        Raises:
+            UnknownNameError: for an option that does not exist.
+        """
+        for name in options or {}:
+            if name not in OPTIONS:
+                raise UnknownNameError("reset option", name, OPTIONS)
+        return dict(options or {})
+
+    def draw(self, params: PlantParams, seed: int, rng: np.random.Generator, given: Any, row: int) -> State:
+        """The start of one episode.
+
+        Args:
+            params: its plant parameters.
+            seed: its episode seed.
+            rng: source of randomness for the start's noise.
+            given: the user's state, a `State` or a dict of its fields; None draws a start.
+            row: which row of a given `State` to take.
+
+        Returns:
+            A state of one row.
+
+        Raises:
+            InvalidStateError: if the given state has the wrong shape, is not finite, breaks the
+                joint limits or overlaps the robot by more than 1 mm.
+        """
+        if isinstance(given, State):
+            fresh = given.take([min(row, given.rows - 1)])
+            fresh.params = [params]
+            self._check(fresh)
+            return fresh
+        fresh = State.zeros(1, self.robot.dof)
+        fresh.params, fresh.seed[0] = [params], seed
+        fresh.q_r[0] = fresh.q_cmd[0] = self.robot.home
+        if given is None:
+            fresh.pose[0] = self._draw_pose(params, rng)
+        else:
+            self._fill(fresh, given)
+            self._check(fresh)
+        fresh.start[0] = fresh.pose[0]
+        return fresh
+
+    def _fill(self, fresh: State, given: Mapping[str, Any]) -> None:
+        fresh.pose[0] = self.task.start
+        for name, value in given.items():
+            if name not in STATE_FIELDS:
+                raise UnknownNameError("state field", name, STATE_FIELDS)
+            target = getattr(fresh, name)
+            value = np.asarray(value, dtype=float)
+            if value.shape not in (target[0].shape, target.shape):
+                raise InvalidStateError(f"state field {name!r} must have shape {target[0].shape}, got {value.shape}")
+            target[0] = value.reshape(target[0].shape)
+        if "q_r" in given and "q_cmd" not in given:
+            fresh.q_cmd[0] = fresh.q_r[0]
+
+    def _check(self, state: State) -> None:
+        for name in ("q_r", "q_cmd", "pose"):
+            if not np.isfinite(getattr(state, name)).all():
+                raise InvalidStateError(f"state field {name!r} must be finite, got {getattr(state, name)[0].tolist()}")
+        lead = self.robot.joint_array("max_lead")
+        for name in ("q_r", "q_cmd"):
+            value = getattr(state, name)[0]
+            if (value < self._lower - lead).any() or (value > self._upper + lead).any():
+                raise InvalidStateError(
+                    f"state field {name!r} breaks the joint limits {self._lower.tolist()} to "
+                    f"{self._upper.tolist()}: {value.tolist()}"
+                )
+        overlap = self._overlap(state.params[0].object, state.q_r[0], state.pose[0])
+        if overlap > ALLOWED_PENETRATION:
+            raise InvalidStateError(
+                f"the object overlaps the robot by {1e3 * overlap:.1f} mm at pose {state.pose[0].tolist()}; "
+                f"at most {1e3 * ALLOWED_PENETRATION:g} mm is allowed"
+            )
+
+    def _overlap(self, object_name: str, q: np.ndarray, pose: np.ndarray) -> float:
+        """Penetration of object and robot, m; negative where they are apart."""
+        scene = pack_scene(self.robot.name, object_name)
+        distances = np.empty(scene.links)
+        scene_distances(scene, q, pose, distances)
+        return -float(distances.min())
+
+    def _draw_pose(self, params: PlantParams, rng: np.random.Generator) -> np.ndarray:
+        """The task's start with noise, redrawn while it overlaps the robot."""
+        position, angle = self.config.start_noise
+        bound = np.array([position, position, angle])
+        pose = self.task.start.copy()
+        for _ in range(DRAWS):
+            pose = self.task.start + bound * rng.uniform(-1, 1, 3)
+            if self._overlap(params.object, self.robot.home, pose) <= 0 or not bound.any():
+                break
+        if self._overlap(params.object, self.robot.home, pose) > 0:
+            pose = self._least_overlap(params.object, pose)
+        return pose
+
+    def _least_overlap(self, object_name: str, pose: np.ndarray) -> np.ndarray:
+        """The pose of least overlap near `pose`: where the true object is larger than the planned one."""
+        offsets = np.linspace(-1, 1, 9)
+        moves = [
+            np.array([x, y, 0.0]) * MOVE_LIMIT[0] + np.array([0.0, 0.0, angle]) * MOVE_LIMIT[1]
+            for x, y, angle in itertools.product(offsets, repeat=3)
+            if x * x + y * y <= 1
+        ]
+        moves.sort(key=lambda move: float(np.abs(move).sum()))  # of equal overlaps, the least move
+        overlaps = [max(0.0, self._overlap(object_name, self.robot.home, pose + move)) for move in moves]
+        return pose + moves[int(np.argmin(overlaps))]

@@ -1,0 +1,176 @@
+"""Plant parameters and the state of a batch of episodes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.world.objects import OBJECTS
+
+DISTURBANCE_KINDS = ("gaussian", "direction")
+DYNAMICS_NAMES = ("quasi_dynamic",)
+
+
+@dataclass(frozen=True)
+class PlantParams:
+    """What may differ between the planner's nominal model and the plant, in one episode.
+
+    Args:
+        dynamics: name of the contact dynamics.
+        object: name of the object.
+        friction: mu between arm and object.
+        disturbance: sigma of the object's displacement in each step, m.
+        disturbance_kind: "gaussian" (sigma for each axis) or "direction" (length sigma, uniform
+            direction: the paper's bound).
+        adversary: speed at which the object flees down the escape-time field, as a fraction of
+            the field's u_bar.
+
+    Raises:
+        UnknownNameError: for a name in no table.
+        InvalidParameterError: for a negative or infinite number.
+    """
+
+    dynamics: str = "quasi_dynamic"
+    object: str = "circle"
+    friction: float = 0.5
+    disturbance: float = 0.0
+    disturbance_kind: str = "gaussian"
+    adversary: float = 0.0
+
+    def __post_init__(self):
+        for kind, known in (
+            ("dynamics", DYNAMICS_NAMES),
+            ("object", OBJECTS),
+            ("disturbance_kind", DISTURBANCE_KINDS),
+        ):
+            if getattr(self, kind) not in known:
+                raise UnknownNameError(kind, getattr(self, kind), known)
+        for name in ("friction", "disturbance", "adversary"):
+            try:
+                value = float(getattr(self, name))
+            except (TypeError, ValueError):
+                value = np.nan
+            if not (np.isfinite(value) and value >= 0):
+                raise InvalidParameterError(
+                    f"{name} must be a finite number of at least 0, got {getattr(self, name)!r}"
+                )
+            object.__setattr__(self, name, value)
+
+    def replace(self, changes: Mapping[str, Any]) -> PlantParams:
+        """The same parameters with some changed.
+
+        Raises:
+            UnknownNameError: for a parameter that does not exist.
+        """
+        names = [field.name for field in dataclasses.fields(self)]
+        for name in changes:
+            if name not in names:
+                raise UnknownNameError("plant parameter", name, names)
+        return dataclasses.replace(self, **changes)
+
+
+def draw_params(randomize: Mapping[str, Sequence], rng: np.random.Generator) -> dict[str, Any]:
+    """Draw plant parameters for one episode.
+
+    Args:
+        randomize: for each parameter a range [low, high] of numbers, or a list of names.
+        rng: source of randomness.
+
+    Returns:
+        One value for each parameter named.
+    """
+    drawn: dict[str, Any] = {}
+    for name, choices in randomize.items():
+        if isinstance(choices[0], str):
+            drawn[name] = str(choices[int(rng.integers(len(choices)))])
+        else:
+            drawn[name] = float(rng.uniform(choices[0], choices[1]))
+    return drawn
+
+
+def check_randomize(randomize: Mapping[str, Sequence] | None) -> dict[str, list]:
+    """Validate a `randomize` argument and return it as a plain dict of lists.
+
+    Raises:
+        InvalidParameterError: if an entry is neither a range [low, high] nor a list of names.
+        UnknownNameError: for an unknown parameter or name.
+    """
+    checked = {}
+    for name, choices in (randomize or {}).items():
+        choices = list(choices) if isinstance(choices, Sequence) and not isinstance(choices, str) else []
+        names = bool(choices) and all(isinstance(choice, str) for choice in choices)
+        numbers = len(choices) == 2 and not any(isinstance(choice, str) for choice in choices)
+        if not names and not (numbers and choices[0] <= choices[1]):
+            raise InvalidParameterError(
+                f"randomize[{name!r}] must be a range [low, high] or a list of names, got {randomize[name]!r}"  # type: ignore[index]
+            )
+        for choice in choices:
+            PlantParams().replace({name: choice})
+        checked[name] = choices
+    return checked
+
+
+@dataclass
+class State:
+    """Everything that decides how B episodes go on; time index and parameters included.
+
+    Args:
+        q_r: joint positions, shape (B, n), rad or m.
+        q_cmd: commanded joint positions, shape (B, n).
+        pose: object x, y, angle, shape (B, 3), m and rad.
+        start: object pose at the start of the episode, shape (B, 3).
+        step: steps taken, shape (B,).
+        seed: episode seed, from which the disturbance is drawn, shape (B,).
+        escape_time: object's escape time, held since its last refresh, shape (B,), s.
+        drift: the adversary's displacement in each step, held likewise, shape (B, 2), m.
+        error_sum: tracking errors added up over the episode, shape (B,), m.
+        params: plant parameters of each row, length B.
+    """
+
+    q_r: np.ndarray
+    q_cmd: np.ndarray
+    pose: np.ndarray
+    start: np.ndarray
+    step: np.ndarray
+    seed: np.ndarray
+    escape_time: np.ndarray
+    drift: np.ndarray
+    error_sum: np.ndarray
+    params: list[PlantParams]
+
+    @property
+    def rows(self) -> int:
+        """B, the number of episodes."""
+        return len(self.q_r)
+
+    @staticmethod
+    def zeros(rows: int, dof: int) -> State:
+        """A blank state of the right shapes."""
+        return State(
+            q_r=np.zeros((rows, dof)),
+            q_cmd=np.zeros((rows, dof)),
+            pose=np.zeros((rows, 3)),
+            start=np.zeros((rows, 3)),
+            step=np.zeros(rows, dtype=np.int64),
+            seed=np.zeros(rows, dtype=np.int64),
+            escape_time=np.zeros(rows),
+            drift=np.zeros((rows, 2)),
+            error_sum=np.zeros(rows),
+            params=[PlantParams()] * rows,
+        )
+
+    def take(self, rows: Sequence[int] | np.ndarray) -> State:
+        """A copy of some rows; a row may be taken more than once."""
+        arrays = {
+            field.name: getattr(self, field.name)[rows] for field in dataclasses.fields(self) if field.name != "params"
+        }
+        return State(**arrays, params=[self.params[int(i)] for i in rows])
+
+    def copy(self) -> State:
+        """An independent copy."""
+        return self.take(np.arange(self.rows))

@@ -1,0 +1,170 @@
+"""Tasks and their stage cost: what planners minimise and, with its sign turned, the reward."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from piec_envs.errors import UnknownNameError
+from piec_envs.kernels import batch_kernel
+
+REWARD_SCALE = 1e-3  # reward = -REWARD_SCALE * stage cost, of order 1 per step
+GOAL_RADIUS = 0.05  # m
+TRACKING_TOLERANCE = 0.03  # m, on the mean tracking error of a successful episode
+PAPER_REFERENCE_POINTS = 50  # the preset `paper` tracks the nearest of this many points
+
+# Columns of `measure_rows`.
+MEASURES = (
+    "goal_distance",
+    "d2g",
+    "min_distance",
+    "mean_distance",
+    "penetration",
+    "tracking_error",
+    "cost_task",
+    "cost_command",
+    "cost_prior",
+    "cost",
+)
+PRIORS = ("caging", "contact", "proximity")
+
+
+class CostWeights(NamedTuple):
+    """Weights of the stage cost w_task c_task + w_command |u|^2 + w_prior c_prior.
+
+    Args:
+        task: weight of the task term (squared distance to the goal, or distance to the reference).
+        command: weight of the squared joint velocity in rad/s or m/s.
+        prior: weight of the contact prior or of minus the caging.
+        saturation: caging above this value pays a tenth.
+        shortest: whether tracking takes the distance to the nearest point of the reference, as the
+            paper does, instead of to the point of this time.
+    """
+
+    task: float = 1e3
+    command: float = 10.0
+    prior: float = 1e2
+    saturation: float = 1.0
+    shortest: bool = False
+
+
+# For each preset, the weights of each task. The paper writes w_track = lambda w_cage; lambda = 100 here.
+PRESETS = {
+    "default": {"push": CostWeights(), "track": CostWeights(task=1e4)},
+    "paper": {
+        "push": CostWeights(task=1e2, command=1e3, prior=1e2, saturation=np.inf),
+        "track": CostWeights(task=1e4, command=1e3, prior=1e2, saturation=np.inf, shortest=True),
+    },
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A manipulation task.
+
+    Args:
+        name: its key in the table of tasks.
+        robot: name of the robot.
+        start: object pose at the start, shape (3,), m and rad.
+        goal: centre of the goal region, shape (2,), m.
+        horizon: steps of an episode.
+        reference: the object's reference position at each step, shape (horizon + 1, 2), m;
+            no rows where the task only has a goal.
+    """
+
+    name: str
+    robot: str
+    start: np.ndarray
+    goal: np.ndarray
+    horizon: int = 1000
+    reference: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+
+
+def push_task() -> Task:
+    """Push the object of the planar arm from (0.55, 0.25) to (-0.3, 0.4)."""
+    return Task("push", "planar_arm", start=np.array([0.55, 0.25, 0.0]), goal=np.array([-0.3, 0.4]))
+
+
+def track_task() -> Task:
+    """Move the object along a circular arc around the base, in time."""
+    horizon = 1000
+    start, goal = np.array([0.55, 0.25]), np.array([-0.3, 0.4])
+    angle = np.interp(np.arange(horizon + 1), [0, 0.9 * horizon], np.arctan2([start[1], goal[1]], [start[0], goal[0]]))
+    radius = np.interp(np.arange(horizon + 1), [0, 0.9 * horizon], np.hypot([start[0], goal[0]], [start[1], goal[1]]))
+    reference = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])  # (horizon + 1, 2)
+    return Task("track", "planar_arm", np.append(start, 0.0), goal, horizon, reference)
+
+
+TASKS: dict[str, Callable[[], Task]] = {"push": push_task, "track": track_task}
+
+
+def get_task(name: str) -> Task:
+    """The task of that name.
+
+    Raises:
+        UnknownNameError: if the table has no such row.
+    """
+    if name not in TASKS:
+        raise UnknownNameError("task", name, TASKS)
+    return TASKS[name]()
+
+
+@batch_kernel
+def measure_rows(
+    lo, hi, prior, weights, goal, reference, speed_limit, first_step, pose, distance, actions, caging, measures
+):
+    """Distances and stage-cost terms of every state of a motion.
+
+    Args:
+        lo, hi: row range.
+        prior: index into PRIORS, or -1 for none.
+        weights: a `CostWeights`.
+        goal: shape (2,), m.
+        reference: shape (M, 2), m; no rows for a goal task.
+        speed_limit: shape (n,).
+        first_step: time index of the first state, shape (B,).
+        pose: shape (B, T, 3).
+        distance: signed distance of each link to the object, shape (B, T, links), m.
+        actions: the action that led to each state, shape (B, T, n).
+        caging: shape (B, T).
+        measures: output, shape (B, T, len(MEASURES)).
+    """
+    links, points = distance.shape[2], reference.shape[0]
+    for i in range(lo, hi):
+        for t in range(pose.shape[1]):
+            x, y = pose[i, t, 0], pose[i, t, 1]
+            to_goal = np.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2)
+            nearest, total = np.inf, 0.0
+            for k in range(links):
+                nearest = min(nearest, distance[i, t, k])
+                total += distance[i, t, k]
+            error, task = 0.0, to_goal * to_goal
+            if points > 0:
+                now = min(first_step[i] + t, points - 1)
+                error = np.sqrt((x - reference[now, 0]) ** 2 + (y - reference[now, 1]) ** 2)
+                task = error
+                if weights.shortest:
+                    task = np.inf
+                    for m in range(PAPER_REFERENCE_POINTS):
+                        p = m * (points - 1) // (PAPER_REFERENCE_POINTS - 1)
+                        task = min(task, np.sqrt((x - reference[p, 0]) ** 2 + (y - reference[p, 1]) ** 2))
+            command = 0.0
+            for j in range(speed_limit.shape[0]):
+                command += (actions[i, t, j] * speed_limit[j]) ** 2
+            hint = 0.0
+            if prior == 0:
+                saturated = min(caging[i, t], weights.saturation)
+                excess = caging[i, t] - saturated
+                hint = -(saturated + (0.1 * excess if excess > 0.0 else 0.0))
+            elif prior == 1:
+                hint = nearest
+            elif prior == 2:
+                hint = total / links
+            row = measures[i, t]
+            row[0], row[1] = to_goal, max(0.0, to_goal - GOAL_RADIUS)
+            row[2], row[3], row[4], row[5] = nearest, total / links, max(0.0, -nearest), error
+            row[6], row[7], row[8] = task, command, hint
+            row[9] = weights.task * task + weights.command * command + weights.prior * hint

@@ -1,0 +1,162 @@
+"""A plan, its file, and the open-loop policy that executes it."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.errors import InvalidActionError, PlanError
+from piec_envs.world.robots import ROBOTS, get_robot
+
+FORMAT = "piec-plan-1"
+_META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
+
+
+def engine_versions() -> dict[str, str]:
+    """Versions of everything that a result depends on."""
+    names = ("piec-envs", "numpy", "numba", "scipy", "gymnasium", "cma", "mujoco")
+    versions = {}
+    for name in names:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A joint path to be executed open loop.
+
+    Args:
+        env_id: id of the environment it was planned for.
+        robot: name of the robot.
+        joints: names of its joints.
+        horizon: steps of the task's episode.
+        env_kwargs: keyword arguments of the nominal model, JSON-able.
+        path: joint positions, shape (N + 1, n), rad or m; index 0 is the start.
+        via_points: what the planner optimised, shape (points, n).
+        objective: name of the objective.
+        preset: name of the weights.
+        seed: the planner's seed.
+        cost: cost of executing the path under the nominal model.
+        nominal: measures of that execution's last step, and cost terms added up over it.
+        versions: versions of the engine.
+    """
+
+    env_id: str
+    robot: str
+    joints: tuple[str, ...]
+    horizon: int
+    env_kwargs: dict[str, Any]
+    path: np.ndarray
+    via_points: np.ndarray
+    objective: str
+    preset: str
+    seed: int
+    cost: float
+    nominal: dict[str, float]
+    versions: dict[str, str] = field(default_factory=engine_versions)
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """Write the plan as an npz file without pickle, under a temporary name first."""
+        target = Path(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        meta = {name: getattr(self, name) for name in (*_META_FIELDS, "versions")}
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        with open(temporary, "wb") as file:
+            np.savez(
+                file, format=FORMAT, meta=json.dumps(meta, sort_keys=True), path=self.path, via_points=self.via_points
+            )
+        os.replace(temporary, target)
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Plan:
+        """Read a plan file.
+
+        Raises:
+            PlanError: if the file is missing, truncated, or no plan.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                if str(data["format"]) != FORMAT:
+                    raise PlanError(f"{path} has format {data['format']}, but {FORMAT} is needed")
+                meta = json.loads(str(data["meta"]))
+                arrays = {name: np.array(data[name], dtype=float) for name in ("path", "via_points")}
+            plan = cls(**{**meta, "joints": tuple(meta["joints"])}, **arrays)
+        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+            if isinstance(error, PlanError):
+                raise
+            raise PlanError(f"{path} is no plan file, or is broken: {error}") from error
+        if plan.path.ndim != 2 or plan.path.shape[1] != len(plan.joints) or not np.isfinite(plan.path).all():
+            raise PlanError(f"{path} has a path of shape {plan.path.shape} for {len(plan.joints)} joints")
+        return plan
+
+    def check_fits(self, env_id: str, robot_name: str) -> None:
+        """Refuse an environment that this plan was not made for.
+
+        Raises:
+            PlanError: if the id, the robot or its joints differ.
+        """
+        if env_id != self.env_id:
+            raise PlanError(f"this plan is for {self.env_id!r}, not for {env_id!r}")
+        joints = tuple(joint.name for joint in get_robot(robot_name).joints)
+        if (robot_name, joints) != (self.robot, self.joints):
+            raise PlanError(
+                f"this plan moves joints {list(self.joints)} of {self.robot!r}, not {list(joints)} of {robot_name!r}"
+            )
+
+
+class OpenLoopPolicy:
+    """Executes a plan: open loop in the object, absolute in the joints.
+
+    A stalled joint is caught up, since each action aims at the path's next position from the
+    commanded one, which stands in the observation.
+
+    Args:
+        plan: the plan.
+    """
+
+    def __init__(self, plan: Plan):
+        if plan.robot not in ROBOTS:
+            raise PlanError(f"this plan is for robot {plan.robot!r}; known: {', '.join(sorted(ROBOTS))}")
+        self.plan = plan
+        robot = get_robot(plan.robot)
+        lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
+        self._middle, self._half = (upper + lower) / 2, (upper - lower) / 2
+        self._step = CONTROL_PERIOD * robot.speed_limit  # (n,) largest motion of a step
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[np.ndarray, Any]:
+        """Actions for one observation or a batch, with Stable-Baselines3's signature.
+
+        Args:
+            observation: array or dict of arrays from the environment.
+            state: passed through; the time stands in the observation.
+            episode_start: not needed.
+            deterministic: not needed.
+
+        Returns:
+            Actions in [-1, 1], shape (..., n), and `state`.
+
+        Raises:
+            InvalidActionError: if the observation is too short for this robot.
+        """
+        flat = np.asarray(observation["observation"] if isinstance(observation, dict) else observation, dtype=float)
+        n = len(self._step)
+        if flat.shape[-1] < 4 * n + 7:
+            raise InvalidActionError(f"an observation of {n} joints has at least {4 * n + 7} entries, got {flat.shape}")
+        command = flat[..., 3 * n : 4 * n] * self._half + self._middle
+        now = np.rint(flat[..., -1] * self.plan.horizon).astype(int)
+        target = self.plan.path[np.minimum(now + 1, len(self.plan.path) - 1)]
+        return np.clip((target - command) / self._step, -1.0, 1.0), state

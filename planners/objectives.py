@@ -1,0 +1,109 @@
+"""The objectives of the planners: which prior, against which nominal plant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from piec_envs.core import EpisodeBatch
+from piec_envs.errors import UnknownNameError
+from piec_envs.geometry.distance import self_distance
+from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.kernels import batch_kernel
+from piec_envs.parallel import run_rows
+from piec_envs.state import State
+
+CROSSING_EVERY = 10  # steps between two checks of the arm against itself
+CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
+
+
+@dataclass(frozen=True)
+class Objective:
+    """One row of the table of objectives (the paper's modes 1 to 4).
+
+    Args:
+        prior: the contact prior in the stage cost.
+        adversary: speed of the fleeing object in the nominal model, as a fraction of u_bar.
+        escape_field: whether the objective needs the escape field.
+        label: what figures and tables call it.
+    """
+
+    prior: str
+    adversary: float
+    escape_field: bool
+    label: str
+
+
+OBJECTIVES = {
+    "contact": Objective("contact", 0.0, False, "contact (mode 1)"),
+    "proximity": Objective("proximity", 0.0, False, "proximity (mode 2)"),
+    "caging": Objective("caging", 0.0, True, "caging (mode 3)"),
+    "adversarial": Objective("caging", 1.0, True, "adversarial (mode 4)"),
+}
+
+
+def get_objective(name: str) -> Objective:
+    """The objective of that name.
+
+    Raises:
+        UnknownNameError: if the table has no such row.
+    """
+    if name not in OBJECTIVES:
+        raise UnknownNameError("objective", name, OBJECTIVES)
+    return OBJECTIVES[name]
+
+
+@batch_kernel
+def _self_distance_rows(lo, hi, scene, path, every, least):
+    """Least distance of the arm to itself at every k-th step of each path, shape (B, N // k)."""
+    frames = np.empty((scene.stiffness.shape[0] + 1, 4))
+    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
+    for i in range(lo, hi):
+        for k in range(least.shape[1]):
+            link_frames(scene, path[i, (k + 1) * every - 1], frames)
+            place_shapes(scene.robot, frames, vertices, centres)
+            least[i, k] = self_distance(scene, vertices)
+
+
+def crossing(batch: EpisodeBatch, path: np.ndarray) -> np.ndarray:
+    """How far the arm overlaps itself along each path, added up over every tenth step.
+
+    Args:
+        batch: gives the robot.
+        path: joint positions, shape (B, N, n).
+
+    Returns:
+        Shape (B,), m; 0 where links that are no neighbours never overlap.
+    """
+    path = np.ascontiguousarray(path)
+    least = np.empty((len(path), path.shape[1] // CROSSING_EVERY))
+    run_rows(_self_distance_rows, len(path), batch.config.threads, batch.scene, path, CROSSING_EVERY, least)
+    return np.maximum(0.0, -least).sum(axis=1)
+
+
+def path_costs(batch: EpisodeBatch, start: State, path: np.ndarray, samples: Any = None) -> np.ndarray:
+    """Cost of following each path from the start under the nominal model.
+
+    Args:
+        batch: the nominal model.
+        start: one state.
+        path: absolute joint positions, shape (B, N, n).
+        samples: a `State` of disturbed rows over whose rollouts the cost is averaged as well, or None.
+
+    Returns:
+        Shape (B,).
+    """
+    rows = len(path)
+    if samples is None:
+        rollout = batch.rollout(start, path, absolute=True)
+        cost = rollout.cost
+        realised = rollout.motion.q_r[:, 1:]
+    else:
+        count = samples.rows
+        state = samples.take(np.tile(np.arange(count), rows))
+        rollout = batch.rollout(state, np.repeat(path, count, axis=0), absolute=True)
+        cost = rollout.cost.reshape(rows, count).mean(axis=1)
+        realised = rollout.motion.q_r[::count, 1:]
+    return cost + CROSSING_WEIGHT * crossing(batch, realised)
