@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -14,87 +10,142 @@ import numpy as np
 from tqdm import tqdm
 
 import piec_envs  # noqa: F401  registers the environments
+from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol, is_random
-from piec_envs.errors import InvalidParameterError, RecordError, UnknownNameError
+from piec_envs.core import EpisodeBatch
+from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import CAGING_SCALE
+from piec_envs.info import batch_info
+from piec_envs.registration import ENVS
 from piec_envs.tasks import MEASURES
 
-MAX_ROWS = 256  # rows of one batch; bounds the memory, changes no result
+MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
+NOT_IN_SPEC = ("threads", "render_mode")  # keyword arguments that change no result
 _MEASURED = ("goal_distance", "min_distance", "mean_distance", "tracking_error")
 
+Predict = Callable[..., tuple[Any, Any]]
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """What B episodes did; index 0 of the time axis is the start.
+
+def evaluate(
+    policy: Any,
+    env_id: str,
+    protocol: str = "nominal",
+    episodes: int = 100,
+    seed: int = 0,
+    env_kwargs: Mapping[str, Any] | None = None,
+    progress: bool = False,
+) -> Evaluation:
+    """Run a policy for a number of episodes under a protocol.
+
+    Episode i has seed + i and does not depend on the others. Where neither the protocol nor the
+    env draws anything, a policy with `predict` does the same in every episode, so one is run.
 
     Args:
-        spec: env_id, env_kwargs of the plant, protocol, episodes, seed and `every`, as JSON values.
-        goal_distance: object's centre to the goal's, shape (B, N + 1), m.
-        min_distance: object to the nearest link, shape (B, N + 1), m.
-        mean_distance: object to the links, mean over them, shape (B, N + 1), m.
-        tracking_error: distance to the reference of that time, shape (B, N + 1), m; 0 without one.
-        caging: 0.02 times the escape time, shape (B, N + 1); None without a field.
-        contact: links in contact, shape (B, N + 1, links).
-        pose: object x, y, angle, shape (B, N + 1, 3), m and rad.
-        q_r: joint positions, shape (B, N + 1, n), rad or m.
-        d2g: distance to the goal region after the last step, shape (B,), m.
-        success: whether the episode counts as a success, shape (B,).
+        policy: anything with Stable-Baselines3's `predict` (a plan's `OpenLoopPolicy`, an SB3
+            model), or a function from a batch of observations to a batch of actions.
+        env_id: id of the environment.
+        protocol: name of the protocol.
+        episodes: how many episodes.
+        seed: seed of the first.
+        env_kwargs: keyword arguments of the environment, which the protocol overrides.
+        progress: whether to show a progress bar.
+
+    Returns:
+        Arrays over episodes and time.
+
+    Raises:
+        UnknownNameError: for an unknown id, protocol or keyword argument.
+        InvalidParameterError: for a bad number of episodes, or a policy that is none.
+        PlanError: if the policy executes a plan for another id, robot or joints.
     """
-
-    spec: dict[str, Any]
-    goal_distance: np.ndarray
-    min_distance: np.ndarray
-    mean_distance: np.ndarray
-    tracking_error: np.ndarray
-    caging: np.ndarray | None
-    contact: np.ndarray
-    pose: np.ndarray
-    q_r: np.ndarray
-    d2g: np.ndarray
-    success: np.ndarray
-
-    @property
-    def episodes(self) -> int:
-        """B, the number of episodes that were run."""
-        return len(self.d2g)
-
-    @property
-    def executions(self) -> int:
-        """n, the number of distinct executions: episodes that did the same count once."""
-        return len({row.tobytes() for row in np.concatenate([self.pose, self.q_r], axis=2)})
-
-    @property
-    def contact_fraction(self) -> np.ndarray:
-        """Fraction of the steps in which each link touches the object, shape (B, links)."""
-        return self.contact[:, 1:].mean(axis=1)
-
-    def save(self, path: str | os.PathLike, every: int = 1) -> Path:
-        """Write the arrays as an npz file.
-
-        Args:
-            path: where to.
-            every: keep every k-th state alone, for figures.
-        """
-        target = Path(path)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        kept = {name: value[:, ::every] if value.ndim > 1 else value for name, value in arrays.items()}
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        with open(temporary, "wb") as file:
-            spec = {**self.spec, "every": self.spec["every"] * every}
-            np.savez_compressed(file, spec=json_text(spec), **kept)
-        os.replace(temporary, target)
-        return target
-
-    @classmethod
-    def load(cls, path: str | os.PathLike) -> Evaluation:
-        """Read a file of `save`.
-
-        Raises:
-            RecordError: if the file is missing, broken or foreign.
-        """
-        ...
+    if env_id not in ENVS:
+        raise UnknownNameError("environment", env_id, ENVS)
+    if not (isinstance(episodes, int | np.integer) and episodes >= 1):
+        raise InvalidParameterError(f"episodes must be a whole number of at least 1, got {episodes!r}")
+    predict = _predict_of(policy)
+    plant = get_protocol(protocol).env_kwargs(env_kwargs)
+    if hasattr(policy, "predict") and not is_random(plant):
+        episodes = 1
+    spec = {
+        "env_id": env_id,
+        "env_kwargs": {name: value for name, value in plant.items() if name not in NOT_IN_SPEC},
+        "protocol": protocol,
+        "episodes": int(episodes),
+        "seed": int(seed),
+    }
+    pieces = []
+    for lo in range(0, episodes, MAX_ROWS):
+        seeds = list(range(seed + lo, seed + min(lo + MAX_ROWS, episodes)))
+        envs = gym.make_vec(env_id, num_envs=len(seeds), **plant)
+        _check_fit(policy, env_id, envs.unwrapped.batch)  # type: ignore[attr-defined]
+        label = f"{protocol}, episodes {lo + 1} to {lo + len(seeds)} of {episodes}"
+        pieces.append(_run_rows(envs, predict, seeds, label if progress else ""))
+    joined: dict[str, Any] = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    return Evaluation(spec=spec, **({"caging": None} | joined))
 
 
-class _Recorder:
-    """Collects the states of a batch as it is stepped."""
+def _predict_of(policy: Any) -> Predict:
+    """The policy's `predict`, or a function dressed up as one."""
+    if hasattr(policy, "predict"):
+        return policy.predict
+    if not callable(policy):
+        raise InvalidParameterError(
+            f"a policy has a method `predict` or is a function from observations to actions, got {policy!r}"
+        )
+    return lambda observation, state, episode_start, deterministic: (policy(observation), state)
+
+
+def _check_fit(policy: Any, env_id: str, batch: EpisodeBatch) -> None:
+    plan: Any = getattr(policy, "plan", None)
+    if hasattr(plan, "check_fits"):
+        plan.check_fits(env_id, batch.robot.name)
+
+
+def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict[str, np.ndarray]:
+    """One batch of episodes from start to end.
+
+    Args:
+        envs: a native VectorEnv with one row for each seed.
+        predict: the policy.
+        seeds: one for each row.
+        label: what the progress bar says; "" for none.
+
+    Returns:
+        The arrays of an `Evaluation`.
+    """
+    batch: EpisodeBatch = envs.unwrapped.batch
+    steps = batch.task.horizon
+    observation, _ = envs.reset(seed=seeds)
+    arrays = _blank(batch, steps)
+    _write(arrays, batch, 0)
+    state, first = None, np.ones(len(seeds), dtype=bool)
+    for t in tqdm(range(1, steps + 1), desc=label, unit="step", disable=not label, delay=1.0, leave=False):
+        action, state = predict(observation, state=state, episode_start=first, deterministic=True)
+        observation, *_ = envs.step(np.asarray(action))
+        _write(arrays, batch, t)
+        first = np.zeros(len(seeds), dtype=bool)
+    info = batch_info(batch)
+    return {**arrays, "success": info["is_success"], "d2g": info["d2g"]}
+
+
+def _blank(batch: EpisodeBatch, steps: int) -> dict[str, np.ndarray]:
+    """Arrays for the start and each step, by name."""
+    rows, dof, links = batch.state.rows, batch.robot.dof, batch.scene.links
+    arrays = {name: np.empty((rows, steps + 1)) for name in _MEASURED}
+    if batch.field is not None:
+        arrays["caging"] = np.empty((rows, steps + 1))
+    arrays["contact"] = np.empty((rows, steps + 1, links), dtype=bool)
+    arrays["pose"] = np.empty((rows, steps + 1, 3))
+    arrays["q_r"] = np.empty((rows, steps + 1, dof))
+    return arrays
+
+
+def _write(arrays: dict[str, np.ndarray], batch: EpisodeBatch, t: int) -> None:
+    """Note down the batch's present at time index t."""
+    for name in _MEASURED:
+        arrays[name][:, t] = batch.measures[:, MEASURES.index(name)]
+    if batch.field is not None:
+        arrays["caging"][:, t] = CAGING_SCALE * batch.state.escape_time
+    arrays["contact"][:, t] = batch.contact
+    arrays["pose"][:, t] = batch.state.pose
+    arrays["q_r"][:, t] = batch.state.q_r

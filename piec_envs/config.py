@@ -93,6 +93,10 @@ class EnvConfig:
             raise InvalidParameterError(
                 f"start_noise must be two finite numbers of at least 0 (m, rad), got {self.start_noise!r}"
             )
+        # As JSON would bring them back, so that a round trip gives an equal config.
+        object.__setattr__(self, "start_noise", tuple(noise.tolist()))
+        if self.goal is not None:
+            object.__setattr__(self, "goal", tuple(map(float, self.goal)))
         if self.escape_every is not None and not (isinstance(self.escape_every, int) and self.escape_every >= 1):
             raise InvalidParameterError(f"escape_every must be a whole number of at least 1, got {self.escape_every!r}")
         if self.escape_field is None:

@@ -11,7 +11,7 @@ from piec_envs.caging import refresh_escape
 from piec_envs.config import EnvConfig
 from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
-from piec_envs.errors import InvalidActionError
+from piec_envs.errors import InvalidActionError, InvalidParameterError
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.observation import observe_rows
 from piec_envs.parallel import run_rows
@@ -46,11 +46,27 @@ class EpisodeBatch:
         self.scene = pack_scene(self.robot.name, config.object)
         self.tracking = len(self.task.reference) > 0
         self._start = StartSampler(self.robot, self.task, config)
+        self.params = config.params  # nominal parameters of the episodes to come
         self.state = State.zeros(rows, self.robot.dof)
         self._adopt_params()
         self.link_distance = np.zeros((rows, self.scene.links))
         self.contact = np.zeros((rows, self.scene.links), dtype=bool)
         self.measures = np.zeros((rows, len(MEASURES)))
+
+    def set_params(self, params: Mapping[str, Any]) -> None:
+        """Change plant parameters of the episodes to come.
+
+        Args:
+            params: fields of `PlantParams`; the others stay as they are.
+
+        Raises:
+            UnknownNameError: for an unknown parameter or name.
+            InvalidParameterError: for a value outside its range, or an adversary without a field.
+        """
+        changed = self.params.replace(params)
+        if changed.adversary and self.field is None:
+            raise InvalidParameterError("adversary needs an escape field, but escape_field=None")
+        self.params = changed
 
     # --- reset and restore -------------------------------------------------------------------
 
@@ -66,14 +82,15 @@ class EpisodeBatch:
         given = options.get("state")
         for k, (row, seed) in enumerate(zip(rows, seeds, strict=True)):
             rng = np.random.default_rng(seed)
-            params = self.config.params.replace(draw_params(self.config.randomize or {}, rng))
+            params = self.params.replace(draw_params(self.config.randomize or {}, rng))
             if isinstance(given, State):
                 params = given.params[min(k, given.rows - 1)]
             params = params.replace(options.get("params") or {})
             self._write(row, self._start.draw(params, seed, rng, given, k))
         self._adopt_params()
-        if self.field is not None:
-            refresh_escape(self.field, self.state, rows[self.state.step[rows] % self.escape_every == 0])
+        if self.field is not None:  # a given `State` between two refreshes keeps the values it holds
+            due = self.state.step[rows] % self.escape_every == 0
+            refresh_escape(self.field, self.state, rows[due | (not isinstance(given, State))])
         self._look(rows)
 
     def restore(self, state: State) -> None:

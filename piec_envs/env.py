@@ -146,6 +146,10 @@ class PlanarArmEnv(gym.Env):
             self._trail.append(self._batch.state.pose[0, :2].copy())
         return take_row(observation), reward, False, False, row_info(batch_info(self._batch))
 
+    def set_params(self, params: Mapping[str, Any]) -> None:
+        """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
+        self._batch.set_params(params)
+
     def get_state(self) -> State:
         """Everything that decides how this episode goes on."""
         return self._batch.state.copy()

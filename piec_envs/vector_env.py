@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -139,6 +139,10 @@ class PlanarArmVectorEnv(VectorEnv):
                 f"options['reset_mask'] must be a boolean array of shape ({self.num_envs},) with a True, got {mask!r}"
             )
         return mask
+
+    def set_params(self, params: Mapping[str, Any]) -> None:
+        """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
+        self._batch.set_params(params)
 
     def get_state(self) -> State:
         """Everything that decides how the rows go on."""

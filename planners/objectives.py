@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -83,27 +83,49 @@ def crossing(batch: EpisodeBatch, path: np.ndarray) -> np.ndarray:
     return np.maximum(0.0, -least).sum(axis=1)
 
 
-def path_costs(batch: EpisodeBatch, start: State, path: np.ndarray, samples: Any = None) -> np.ndarray:
-    """Cost of following each path from the start under the nominal model.
+class PathCost:
+    """Cost of following joint paths from one start under the nominal model.
 
     Args:
         batch: the nominal model.
         start: one state.
-        path: absolute joint positions, shape (B, N, n).
-        samples: a `State` of disturbed rows over whose rollouts the cost is averaged as well, or None.
-
-    Returns:
-        Shape (B,).
     """
-    rows = len(path)
-    if samples is None:
-        rollout = batch.rollout(start, path, absolute=True)
-        cost = rollout.cost
-        realised = rollout.motion.q_r[:, 1:]
-    else:
-        count = samples.rows
-        state = samples.take(np.tile(np.arange(count), rows))
-        rollout = batch.rollout(state, np.repeat(path, count, axis=0), absolute=True)
-        cost = rollout.cost.reshape(rows, count).mean(axis=1)
-        realised = rollout.motion.q_r[::count, 1:]
-    return cost + CROSSING_WEIGHT * crossing(batch, realised)
+
+    def __init__(self, batch: EpisodeBatch, start: State):
+        self.batch, self.start = batch, start
+        self._plain = EpisodeBatch(
+            dataclasses.replace(batch.config, escape_field=None, prior=None, adversary=0.0), rows=1
+        )
+
+    def nominal(self, path: np.ndarray) -> np.ndarray:
+        """Summed stage cost of each path without noise, and the penalty on crossing links.
+
+        Args:
+            path: absolute joint positions, shape (B, N, n).
+
+        Returns:
+            Shape (B,).
+        """
+        rollout = self.batch.rollout(self.start, path, absolute=True)
+        return rollout.cost + CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])
+
+    def disturbed(self, path: np.ndarray, samples: State) -> np.ndarray:
+        """The nominal cost with its task term averaged over the nominal run and disturbed ones.
+
+        Args:
+            path: absolute joint positions, shape (B, N, n).
+            samples: the start with S disturbances.
+
+        Returns:
+            Shape (B,).
+        """
+        rollout = self.batch.rollout(self.start, path, absolute=True)
+        nominal = rollout.column("cost_task")[:, 1:].sum(axis=1)
+        rows, count = len(path), samples.rows
+        noisy = self._plain.rollout(
+            samples.take(np.tile(np.arange(count), rows)), np.repeat(path, count, axis=0), absolute=True
+        )
+        task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)
+        excess = (nominal + task) / (1 + count) - nominal
+        penalty = CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])
+        return rollout.cost + self.batch.weights.task * excess + penalty

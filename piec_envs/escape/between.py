@@ -16,8 +16,7 @@ from numba import njit
 
 from piec_envs.escape.speed import PackedSpeed, slowness
 from piec_envs.escape.sweeping import FAR
-from piec_envs.geometry.distance import point_distance
-from piec_envs.world.scene import PackedShapes
+from piec_envs.geometry.distance import closest_on_polygon
 
 SAMPLES = 4  # of the slowness along a straight step
 RING = np.array(  # (13, 2) the nodes around cell (0, 0) and its corners, in a closed loop: row, column
@@ -32,7 +31,8 @@ class Field(NamedTuple):
     h: float  # m
     start: float  # coordinate of the first grid line, m
     speed: PackedSpeed
-    robot: PackedShapes
+    first: np.ndarray  # (S + 1,) shapes of the robot, as in `PackedShapes`
+    round: np.ndarray  # (S,) their radius, m
     vertices: np.ndarray  # (V, 2) m
     time: np.ndarray  # (N, N) s
     distance: np.ndarray  # (N, N) m
@@ -40,8 +40,21 @@ class Field(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def distance_at(field, x, y):
-    """Signed distance from (x, y) to the robot, m."""
-    return point_distance(field.robot, field.vertices, x, y)[0]
+    """Signed distance from (x, y) to the robot, m: `point_distance` without the closest point."""
+    first, radius, corners = field.first, field.round, field.vertices
+    best = np.inf
+    for i in range(radius.shape[0]):
+        a, b = first[i], first[i + 1] - 1
+        if b - a > 1:
+            d = closest_on_polygon(corners, a, b + 1, x, y)[0]
+        else:
+            e_x, e_y = corners[b, 0] - corners[a, 0], corners[b, 1] - corners[a, 1]
+            d_x, d_y = x - corners[a, 0], y - corners[a, 1]
+            length2 = e_x * e_x + e_y * e_y
+            t = min(max((d_x * e_x + d_y * e_y) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+            d = np.sqrt((d_x - t * e_x) ** 2 + (d_y - t * e_y) ** 2)
+        best = min(best, d - radius[i])
+    return best
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

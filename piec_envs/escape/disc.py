@@ -38,7 +38,8 @@ class Disc(NamedTuple):
     edge: np.ndarray  # (2, E) int64, flat index of the edge's nodes in each layout of diagonals
     layout: Diagonals
     bound: np.ndarray  # (N, N) T_0, s
-    bounds: np.ndarray  # (2, 2 N - 1, N) the same by diagonals
+    start: np.ndarray  # (2, 2 N - 1, N) T_0 by diagonals
+    least: np.ndarray  # (2, 2 N - 1, N) the same, FAR outside the disc
 
 
 class Scratch(NamedTuple):
@@ -74,9 +75,10 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
     edge = np.argwhere(~inside & (bound > -EDGE * h / u_bar))  # (E, 2) row, column
     node = np.concatenate([np.flatnonzero(inside), edge @ [resolution, 1]])  # (M + E,)
     rows = np.stack([edge[:, 0], resolution - 1 - edge[:, 0]])  # (2, E), plain and upside down
-    bounds = np.zeros((2, 2 * resolution - 1, resolution))
+    start, least = np.full((2, 2, 2 * resolution - 1, resolution), FAR)
     for flip in range(2):
-        to_diagonals(bound, flip, bounds[flip])
+        to_diagonals(bound, flip, start[flip])
+        to_diagonals(np.where(inside, bound, FAR), flip, least[flip])
     return Disc(
         radius=float(radius),
         h=float(h),
@@ -88,7 +90,8 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
         edge=(rows + edge[:, 1]) * resolution + edge[:, 1],
         layout=diagonal_layout(inside),
         bound=bound,
-        bounds=bounds,
+        start=start,
+        least=least,
     )
 
 
@@ -105,8 +108,8 @@ def make_scratch(scene, disc):
         np.empty((2, m)),
         np.full((n, n), np.inf),
         disc.bound.copy(),
-        disc.bounds.copy(),
-        np.full(disc.bounds.shape, WALL),
+        disc.start.copy(),
+        np.full(disc.start.shape, WALL),
         np.empty(m, dtype=np.float32),
         np.empty((2, m), dtype=np.uint32),
     )
@@ -147,7 +150,7 @@ def _first_order(disc, scratch):
                 costs[start + j * stride] = f if f < WALL else WALL
                 field[start + j * stride] = FAR
             first += count
-    sweep_to_rest(scratch.field, scratch.costs, disc.bounds, disc.layout)
+    sweep_to_rest(scratch.field, scratch.costs, disc.least, disc.layout)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -166,12 +169,14 @@ def _by_rows(disc, field, out):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _give_edge(speed, disc, scratch):
     """T of the nodes just outside the disc, which the robot may slow down, s."""
-    time, plain, flipped = scratch.time.ravel(), scratch.field[0].ravel(), scratch.field[1].ravel()
-    for e in range(disc.edge.shape[1]):
-        k = disc.inside + e
-        beyond = np.hypot(disc.x[k], disc.y[k]) - disc.radius
-        slow = scratch.cost[k] / disc.h if scratch.near[k] > speed.d0 else 1.0 / speed.u_bar
-        time[disc.node[k]] = plain[disc.edge[0, e]] = flipped[disc.edge[1, e]] = -beyond * slow
+    time, edge, m = scratch.time.ravel(), disc.edge, disc.inside
+    for flip in range(2):
+        field, costs = scratch.field[flip].ravel(), scratch.costs[flip].ravel()
+        for e in range(edge.shape[1]):
+            beyond = np.hypot(disc.x[m + e], disc.y[m + e]) - disc.radius
+            f = scratch.cost[m + e] if scratch.near[m + e] > speed.d0 else disc.h / speed.u_bar
+            costs[edge[flip, e]] = f
+            time[disc.node[m + e]] = field[edge[flip, e]] = -beyond * f / disc.h
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -36,9 +36,9 @@ class FieldMap(NamedTuple):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _field(scene, speed, disc, scratch):
     """The solved configuration as a `Field`."""
-    return Field(
-        disc.radius, disc.h, disc.axis[0], speed, scene.robot, scratch.vertices, scratch.time, scratch.distance
-    )
+    first, rounding = scene.robot.first, scene.robot.radius
+    solved = scratch.vertices, scratch.time, scratch.distance
+    return Field(disc.radius, disc.h, disc.axis[0], speed, first, rounding, *solved)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -87,13 +87,16 @@ def fast_march(slowness: np.ndarray, boundary: np.ndarray, h: float, least: floa
     """Solve |grad T| = slowness on any grid, second order (paper, eq. of section 3.2).
 
     Args:
-        slowness: 1 / speed at each node, inf in walls, shape (n, m), s/m.
+        slowness: 1 / speed at each node, inf in walls, finite where T is given, shape (n, m), s/m.
         boundary: T of the nodes where it is given, inf at all others, shape (n, m), s.
         h: cell size, m.
         least: a known lower bound of T, s.
 
     Returns:
         T, shape (n, m), s; inf where no path leads to the boundary.
+
+    Raises:
+        InvalidParameterError: if the shapes differ or a slowness is not positive.
     """
     given = np.isfinite(boundary)
     first = sweep(slowness, boundary, h, least)

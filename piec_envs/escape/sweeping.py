@@ -5,6 +5,10 @@ other, so the field is kept with one row per diagonal and the update vectorises.
 of the grid and of the grid upside down (`flip`), serve the four sweep directions of Zhao ("A fast
 sweeping method for eikonal equations", 2005). Indices are unsigned where loops must vectorise:
 Numba then needs no test for negative ones.
+
+The cost of an edge is the mean of its two nodes, f_a and f_b on the two axes, and Godunov's update
+from the lesser neighbours a and b is the root of (t - a)^2 / f_a^2 + (t - b)^2 / f_b^2 = 1. With the
+node's own cost on both axes the error near the robot is 1.5 to 2.5 times as large.
 """
 
 from __future__ import annotations
@@ -14,8 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, uint64
 
+from piec_envs.errors import InvalidParameterError
+
 FAR = 1e30  # stands for infinity inside the solvers, where inf - inf must not happen
-WALL = 4e30  # cost of a node that is never updated: any candidate through it exceeds FAR
+WALL = 4e30  # cost of a node in a hard wall
 
 
 class Diagonals(NamedTuple):
@@ -59,21 +65,28 @@ def to_diagonals(grid, flip, out):
             out[i + j, j] = grid[row, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _relax(field, cost, least, first, count, width):
     """Godunov's upwind update of `count` neighbours on one diagonal; returns how many became smaller."""
     changed = 0
     one = uint64(1)
     for j in range(count):
         k = first + j
-        left, right = field[k - width - one], field[k + width + one]
-        down, up = field[k - width], field[k + width]
-        a = left if left < right else right
-        b = down if down < up else up
-        f, gap = cost[k], a - b
-        root = 2.0 * f * f - gap * gap
-        both = 0.5 * (a + b + np.sqrt(root if root > 0.0 else 0.0))
-        t = both if gap * gap < f * f else (a if a < b else b) + f
+        left, right, down, up = k - width - one, k + width + one, k - width, k + width
+        t_left, t_right, t_down, t_up = field[left], field[right], field[down], field[up]
+        f_left, f_right, f_down, f_up = cost[left], cost[right], cost[down], cost[up]
+        a = t_left if t_left < t_right else t_right
+        b = t_down if t_down < t_up else t_up
+        f_a = 0.5 * (cost[k] + (f_left if t_left < t_right else f_right))
+        f_b = 0.5 * (cost[k] + (f_down if t_down < t_up else f_up))
+        near = a if a < b else b
+        f = f_a if a < b else f_b  # cost towards the lesser neighbour
+        g = f_b if a < b else f_a  # and towards the other one
+        gap = abs(a - b)
+        total = f * f + g * g
+        root = total - gap * gap
+        both = (f * f * gap + f * g * np.sqrt(root if root > 0.0 else 0.0)) / total
+        t = near + (both if gap < f else f)
         t = t if t > least[k] else least[k]
         changed += t < field[k]
         field[k] = t if t < field[k] else field[k]
@@ -120,8 +133,8 @@ def sweep_to_rest(field, cost, least, layout):
 
     Args:
         field: T in both layouts, shape (2, n + m - 1, m), updated in place; free nodes start at FAR.
-        cost: slowness times cell size in both layouts; WALL at nodes that are not free.
-        least: lower bound of T in both layouts.
+        cost: slowness times cell size in both layouts; WALL in hard walls.
+        least: lower bound of T in both layouts; FAR at nodes that are not free, which keeps them as they are.
         layout: the `Diagonals`.
 
     Returns:
@@ -143,22 +156,25 @@ def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | n
     """Solve |grad T| = slowness on any grid, first order (paper, eq. of section 3.2).
 
     Args:
-        slowness: 1 / speed at each node, inf in walls, shape (n, m), s/m.
+        slowness: 1 / speed at each node, inf in walls, finite where T is given, shape (n, m), s/m.
         boundary: T of the nodes where it is given, inf at all others, shape (n, m), s.
         h: cell size, m.
         least: a known lower bound of T, s.
 
     Returns:
         T, shape (n, m), s; inf where no path leads to the boundary.
+
+    Raises:
+        InvalidParameterError: if the shapes differ or a slowness is not positive.
     """
-    given = np.isfinite(boundary)
-    free = np.pad(~given & np.isfinite(slowness), 1)
+    check_scene(slowness, boundary)
+    free = np.pad(~np.isfinite(boundary) & np.isfinite(slowness), 1)
     grids = (
-        np.pad(np.where(given, boundary, FAR), 1, constant_values=FAR),
-        np.where(free, np.pad(slowness * h, 1), WALL),
-        np.pad(np.broadcast_to(np.asarray(least, dtype=float), slowness.shape), 1),
+        np.pad(np.minimum(boundary, FAR), 1, constant_values=FAR),
+        np.pad(np.minimum(slowness * h, WALL), 1, constant_values=WALL),
+        np.where(free, np.pad(np.broadcast_to(np.asarray(least, dtype=float), slowness.shape), 1), FAR),
     )
-    layouts = np.zeros((3, 2, sum(free.shape) - 1, free.shape[1]))
+    layouts = np.full((3, 2, sum(free.shape) - 1, free.shape[1]), FAR)
     for grid, pair in zip(grids, layouts, strict=True):
         for flip in range(2):
             to_diagonals(grid, flip, pair[flip])
@@ -168,23 +184,34 @@ def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | n
     return np.where(time < FAR / 2, time, np.inf)
 
 
+def check_scene(slowness: np.ndarray, boundary: np.ndarray) -> None:
+    """Raise InvalidParameterError unless a slowness map and its boundary values make a scene."""
+    if slowness.shape != boundary.shape or slowness.ndim != 2:
+        raise InvalidParameterError(
+            f"slowness and boundary must have one shape (n, m), got {slowness.shape} and {boundary.shape}"
+        )
+    if not (slowness > 0).all() or np.isinf(slowness[np.isfinite(boundary)]).any():
+        raise InvalidParameterError("slowness must be positive, and finite wherever the boundary gives T")
+
+
 def sweep_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0) -> np.ndarray:
     """`sweep` in plain Python: Gauss-Seidel over all nodes in four orders until nothing changes."""
     time = np.pad(boundary.astype(float), 1, constant_values=np.inf)
-    n, m = slowness.shape
+    cost = np.pad(slowness * h, 1, constant_values=np.inf)
+    free = np.argwhere(np.isinf(time) & np.isfinite(cost))
+
+    def neighbour(i, j, di, dj):
+        end = min(((i - di, j - dj), (i + di, j + dj)), key=lambda k: time[k])
+        return time[end], (cost[i, j] + cost[end]) / 2
+
     before = None
     while before is None or not np.array_equal(before, time):
         before = time.copy()
         for di, dj in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-            for i in range(n)[::di]:
-                for j in range(m)[::dj]:
-                    if np.isfinite(boundary[i, j]) or not np.isfinite(slowness[i, j]):
-                        continue
-                    a = min(time[i, j + 1], time[i + 2, j + 1])
-                    b = min(time[i + 1, j], time[i + 1, j + 2])
-                    f = slowness[i, j] * h
-                    t = min(a, b) + f
-                    if abs(a - b) < f:
-                        t = (a + b + np.sqrt(2 * f**2 - (a - b) ** 2)) / 2
-                    time[i + 1, j + 1] = min(time[i + 1, j + 1], max(t, least))
+            for i, j in sorted(free, key=lambda k: (di * k[0], dj * k[1])):
+                (a, f), (b, g) = sorted([neighbour(i, j, 0, 1), neighbour(i, j, 1, 0)])
+                t = a + f
+                if t > b:  # (t - a)^2 / f^2 + (t - b)^2 / g^2 = 1
+                    t = (g**2 * a + f**2 * b + f * g * np.sqrt(f**2 + g**2 - (b - a) ** 2)) / (f**2 + g**2)
+                time[i, j] = min(time[i, j], max(t, least))
     return time[1:-1, 1:-1]

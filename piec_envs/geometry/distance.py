@@ -12,6 +12,8 @@ import numpy as np
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
 from piec_envs.kernels import batch_kernel, kernel
 
+ON_BOUNDARY = 1e-9  # m; nearer than this the offset to the closest point has no direction
+
 
 @kernel
 def closest_on_polygon(vertices, first, last, x, y):
@@ -30,6 +32,7 @@ def closest_on_polygon(vertices, first, last, x, y):
     count = last - first
     best = np.inf
     c_x, c_y, vertex = vertices[first, 0], vertices[first, 1], first
+    b_x, b_y = 1.0, 0.0  # normal of a point on the boundary itself
     deepest, i_x, i_y, inside_x, inside_y = -np.inf, 0.0, 0.0, 0.0, 0.0
     for i in range(first, last if count > 2 else max(last - 1, first + 1)):
         j = i + 1 if i + 1 < last else first
@@ -47,6 +50,8 @@ def closest_on_polygon(vertices, first, last, x, y):
         square = r_x * r_x + r_y * r_y
         if square < best:
             best, c_x, c_y, vertex = square, x - r_x, y - r_y, corner
+            if square <= ON_BOUNDARY * ON_BOUNDARY and length2 > 0.0:
+                b_x, b_y = e_y / np.sqrt(length2), -e_x / np.sqrt(length2)
         if count > 2:
             length = np.sqrt(length2)
             plane = (d_x * e_y - d_y * e_x) / length  # > 0 outside this edge
@@ -56,12 +61,9 @@ def closest_on_polygon(vertices, first, last, x, y):
     if count > 2 and deepest <= 0.0:
         return deepest, inside_x, inside_y, i_x, i_y, -1
     distance = np.sqrt(best)
-    if distance > 0.0:
+    if distance > ON_BOUNDARY:
         return distance, c_x, c_y, (x - c_x) / distance, (y - c_y) / distance, vertex
-    if count == 2:  # on the core segment: any side will do
-        length = np.sqrt(length2)
-        return 0.0, c_x, c_y, e_y / length, -e_x / length, vertex
-    return 0.0, c_x, c_y, 1.0, 0.0, vertex
+    return distance, c_x, c_y, b_x, b_y, vertex
 
 
 @kernel
@@ -100,10 +102,10 @@ def core_distance(a, a_first, a_last, b, b_first, b_last):
         return d, n_x, n_y
     gap_a, a_x, a_y = _separation(a, a_first, a_last, b, b_first, b_last)
     gap_b, b_x, b_y = _separation(b, b_first, b_last, a, a_first, a_last)
+    if gap_a < gap_b:
+        a_x, a_y = -b_x, -b_y  # normal of the least separating translation, from a to b
     if max(gap_a, gap_b) < 0.0:
-        if gap_a > gap_b:
-            return gap_a, a_x, a_y
-        return gap_b, -b_x, -b_y
+        return max(gap_a, gap_b), a_x, a_y
     best, n_x, n_y = np.inf, 1.0, 0.0
     for v in range(b_first, b_last):
         d, _, _, d_x, d_y, _ = closest_on_polygon(a, a_first, a_last, b[v, 0], b[v, 1])
@@ -113,6 +115,8 @@ def core_distance(a, a_first, a_last, b, b_first, b_last):
         d, _, _, d_x, d_y, _ = closest_on_polygon(b, b_first, b_last, a[v, 0], a[v, 1])
         if d < best:
             best, n_x, n_y = d, -d_x, -d_y
+    if best <= ON_BOUNDARY:  # touching cores: a corner alone does not know which way is out
+        return best, a_x, a_y
     return best, n_x, n_y
 
 

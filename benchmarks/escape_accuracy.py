@@ -1,0 +1,169 @@
+"""Accuracy of the escape fields: against a fine grid, scikit-fmm, finite differences, and when pushing.
+
+Run: python benchmarks/escape_accuracy.py
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from piec_envs.escape import GridField, SpeedModel
+from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
+from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.world.robots import get_robot
+from piec_envs.world.scene import pack_scene
+
+ROBOT = "planar_arm"
+FINE = 560
+SETTINGS = ((200, "marching"), (100, "marching"), (64, "marching"), (200, "sweeping"), (100, "sweeping"), (64, "sweeping"))
+HARD = SpeedModel(leak=0.0)
+
+
+def point_set(kind: str, rows: int, k: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Points (rows, k, 2) more than 0.05 m from the robot, and configurations (rows, n)."""
+    rng = np.random.default_rng(seed)
+    q = draw_configurations(ROBOT, kind, rows, rng)
+    return draw_points(ROBOT, kind, q, k, rng), q
+
+
+def least_time(points: np.ndarray) -> np.ndarray:
+    """The lower bound (R - |p|) / u_bar, s."""
+    return (get_robot(ROBOT).workspace_radius - np.hypot(points[..., 0], points[..., 1])) / SpeedModel().u_bar
+
+
+def against_fine_grid(kind: str, rows: int = 50, k: int = 400) -> list[dict]:
+    """Relative error of every setting against second-order marching at 560 x 560, reachable in both."""
+    points, q = point_set(kind, rows, k)
+    true = GridField(ROBOT, FINE, "marching").query(points, q)
+    reachable = np.isfinite(GridField(ROBOT, FINE, "marching", HARD).query(points, q))
+    bound = least_time(points)
+    table = []
+    for resolution, method in SETTINGS:
+        T = GridField(ROBOT, resolution, method).query(points, q)
+        both = reachable & np.isfinite(GridField(ROBOT, resolution, method, HARD).query(points, q))
+        error = np.abs(T - true) / true
+        shaded = both & (true > 1.05 * bound)
+        table.append(
+            {
+                "check": f"{kind}, against {FINE}",
+                "field": f"{method} {resolution}",
+                "median_%": 100 * np.median(error[both]),
+                "p99_%": 100 * np.percentile(error[both], 99),
+                "median_shaded_%": 100 * np.median(error[shaded]),
+                "p99_shaded_%": 100 * np.percentile(error[shaded], 99),
+                "reach_disagrees_%": 100 * np.mean(both != reachable),
+                "above_bound": bool((T >= bound * (1 - 1e-12)).all()),
+            }
+        )
+    return table
+
+
+def against_scikit(resolution: int, rows: int) -> dict:
+    """Relative difference to scikit-fmm of order 2 on the same nodes, outside the wall and inside the disc."""
+    import skfmm
+
+    differences = []
+    field = GridField(ROBOT, resolution, "marching")
+    for q in np.concatenate([point_set(kind, rows // 2, 1)[1] for kind in ("uniform", "curled")]):
+        drawn = field.solve(q)
+        x, y = np.meshgrid(drawn.x, drawn.y)
+        nodes = np.stack([x, y], -1)  # (N, N, 2)
+        inside = get_robot(ROBOT).workspace_radius - np.hypot(x, y)
+        T = np.asarray(skfmm.travel_time(inside, drawn.speed, dx=float(drawn.x[1] - drawn.x[0]), order=2))
+        distance = robot_distance(ROBOT, nodes.reshape(-1, 2), q).reshape(x.shape)
+        kept = (inside > 0) & (distance > 0.05)
+        differences.append((np.abs(drawn.T - T) / T)[kept])
+    difference = np.concatenate(differences)
+    return {
+        "check": "nodes, against scikit-fmm order 2",
+        "field": f"marching {resolution}",
+        "median_%": 100 * np.median(difference),
+        "p99_%": 100 * np.percentile(difference, 99),
+    }
+
+
+def _cosine(a, b):
+    return (a * b).sum(-1) / np.maximum(np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-300)
+
+
+def gradients(kind: str, rows: int = 30, k: int = 20, step: float = 1e-3, fine: int = 400) -> list[dict]:
+    """Gradients against central differences of a fine field, at reachable points that feel the robot."""
+    points, q = point_set(kind, rows, k, seed=3)
+    field = GridField(ROBOT, fine, "marching")
+    reachable = np.isfinite(GridField(ROBOT, fine, "marching", HARD).query(points, q))
+    in_q = [field.query(points, q + e) - field.query(points, q - e) for e in step * np.eye(q.shape[1])]
+    in_p = [field.query(points + e, q) - field.query(points - e, q) for e in step * np.eye(2)]
+    in_q, in_p = np.stack(in_q, -1) / (2 * step), np.stack(in_p, -1) / (2 * step)
+    felt = reachable & (np.linalg.norm(in_q, axis=-1) > 0.5)  # s/rad
+    table = []
+    for resolution, method in ((200, "marching"), (64, "marching"), (64, "sweeping")):
+        _, dT_dp, dT_dq = GridField(ROBOT, resolution, method).gradients(points, q)
+        length = np.linalg.norm(dT_dq[felt], axis=-1) / np.linalg.norm(in_q[felt], axis=-1)
+        table.append(
+            {
+                "check": f"gradients, {kind}",
+                "field": f"{method} {resolution}",
+                "points": int(felt.sum()),
+                "cosine_q_median": np.median(_cosine(dT_dq[felt], in_q[felt])),
+                "cosine_q_p10": np.percentile(_cosine(dT_dq[felt], in_q[felt]), 10),
+                "length_q_ratio": np.median(length),
+                "cosine_p_median": np.median(_cosine(dT_dp[felt], in_p[felt])),
+                "cosine_p_p10": np.percentile(_cosine(dT_dp[felt], in_p[felt]), 10),
+            }
+        )
+    return table
+
+
+def pressed_points(rows: int, seed: int = 0, reach: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Points at 0.075 and 0.1 m straight above a link of a nearly straight arm, (rows, 2, 2), and its q."""
+    rng, scene = np.random.default_rng(seed), pack_scene(ROBOT, "circle")
+    chosen, configurations = [], []
+    while len(chosen) < rows:
+        q = np.concatenate([rng.uniform(-np.pi, np.pi, 1), rng.uniform(-0.5, 0.5, 3)])
+        frames, vertices = np.empty((len(q) + 1, 4)), np.empty_like(scene.robot.vertices)
+        link_frames(scene, q, frames)
+        place_shapes(scene.robot, frames, vertices, np.empty_like(scene.robot.centre))
+        a, b = vertices[2 * rng.integers(3) :][:2]
+        along = (b - a) / np.linalg.norm(b - a)
+        normal = rng.choice([-1, 1]) * np.array([-along[1], along[0]])
+        foot = a + rng.uniform(0.2, 0.8) * (b - a)
+        points = foot + np.outer([0.125, 0.15], normal)  # link radius 0.05 m
+        clear = np.abs(robot_distance(ROBOT, points, q) - [0.075, 0.1]).max() < 1e-9
+        if clear and np.hypot(*points.T).max() < reach:
+            chosen.append(points)
+            configurations.append(q)
+    return np.array(chosen), np.array(configurations)
+
+
+def pressing(rows: int = 300) -> list[dict]:
+    """T at 0.075 m over T at 0.1 m from one link in the open: pressing must not look like caging."""
+    points, q = pressed_points(rows)
+    table = []
+    for resolution, method in ((FINE, "marching"), *SETTINGS):
+        T = GridField(ROBOT, resolution, method).query(points, q)
+        ratio = T[:, 0] / T[:, 1]
+        row = {"check": "pressed on a link", "field": f"{method} {resolution}"}
+        table.append(row | {"ratio_median": np.median(ratio), "ratio_max": ratio.max()})
+    return table
+
+
+def run() -> list[dict]:
+    """All checks, one row each; those of scikit-fmm are left out where it is not installed."""
+    table = [row for kind in ("uniform", "curled") for row in against_fine_grid(kind)]
+    try:
+        table += [against_scikit(100, 20), against_scikit(FINE, 6)]
+    except ImportError:
+        pass
+    table += [row for kind in ("uniform", "curled") for row in gradients(kind)]
+    return table + pressing()
+
+
+def main() -> None:
+    """Print one line per check."""
+    for row in run():
+        numbers = (f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in list(row.items())[2:])
+        print(f"{row['check']:36} {row['field']:14}", "  ".join(numbers))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""The commands of `piec`, one file each, and what they share.
+
+A command's module has `add_arguments(parser)` and `run(args) -> Report`. It imports what is slow to
+import inside `run`, so that `piec --help` is quick.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from piec_envs.errors import InvalidParameterError
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a command has to say.
+
+    Args:
+        text: for people.
+        data: for machines, JSON values.
+        wrote: files and folders with the results.
+    """
+
+    text: str
+    data: dict[str, Any]
+    wrote: Sequence[Path] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Command:
+    """One row of the table of commands.
+
+    Args:
+        name: what users type.
+        help: one line.
+        examples: lines that work as they stand.
+        module: name of its file here.
+    """
+
+    name: str
+    help: str
+    examples: tuple[str, ...]
+    module: str
+
+    def load(self) -> Any:
+        """The command's module."""
+        return import_module(f"{__name__}.{self.module}")
+
+
+COMMANDS = {
+    row.name: row
+    for row in (
+        Command("list", "list environments, objects, protocols, studies and more", ("piec list",), "listing"),
+        Command(
+            "demo",
+            "plan with three objectives, disturb the object, print a table, draw a picture and an animation",
+            ("piec demo", "piec demo --out runs/demo --seed 1"),
+            "demo",
+        ),
+        Command(
+            "plan",
+            "plan a motion and write it to a file",
+            (
+                "piec plan --objective caging --out runs/caging.npz",
+                "piec plan --objective contact --set object=square --planner iterations=20",
+            ),
+            "plan",
+        ),
+        Command(
+            "evaluate",
+            "execute plans under protocols, many times each",
+            ("piec evaluate runs/caging.npz --protocol disturbance-5mm adversary --episodes 100",),
+            "evaluate",
+        ),
+        Command(
+            "reproduce",
+            "run a study of the paper again, or go on with one that was stopped",
+            ("piec reproduce planar-disturbance --jobs 2", "piec reproduce all --smoke --out /tmp/smoke"),
+            "reproduce",
+        ),
+        Command("bench", "measure speeds and write them to a file", ("piec bench", "piec bench --quick"), "bench"),
+        Command(
+            "render",
+            "draw a plan as an animation, or a state as a picture",
+            (
+                "piec render runs/caging.npz --out runs/caging.gif",
+                """piec render --state '{"pose": [0.5, 0.3, 0.0]}' --out runs/state.png""",
+            ),
+            "render",
+        ),
+    )
+}
+
+
+def settings(pairs: Sequence[str] | None) -> dict[str, Any]:
+    """Keyword arguments from the command line.
+
+    Args:
+        pairs: `name=value`, where the value is JSON, or plain text.
+
+    Returns:
+        The values by name.
+
+    Raises:
+        InvalidParameterError: for anything without `=`.
+    """
+    found = {}
+    for pair in pairs or []:
+        name, equals, text = pair.partition("=")
+        if not (equals and name):
+            raise InvalidParameterError(f"a setting is name=value, such as object=square, got {pair!r}")
+        try:
+            found[name] = json.loads(text)
+        except ValueError:
+            found[name] = text
+    return found

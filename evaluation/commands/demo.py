@@ -1,0 +1,86 @@
+"""`piec demo`: from nothing to a table, a picture and an animation in a few minutes."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from evaluation.commands import Report
+
+NOTE = """\
+Open-loop plans of three objectives, same task and same budget, while the object is displaced in every
+step. n counts distinct executions of one plan; the interval is Wilson's, at 95 %. An execution
+succeeds if the object ends in the goal region; d2g is its distance to the region at the end; caging
+is 0.02 times the escape time, mean over time."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """All knobs of the demo.
+
+    Args:
+        objectives: what to compare, the best last.
+        planner: arguments of `CmaEsPlanner` beside the objective, the same for all.
+        protocol: how the plans are disturbed.
+        episodes: rollouts of each plan.
+        frames: of the animation, about.
+    """
+
+    objectives: tuple[str, ...] = ("contact", "proximity", "caging")
+    planner: Mapping[str, Any] = field(default_factory=lambda: {"restarts": 2, "robust_iterations": 20})
+    protocol: str = "disturbance-5mm"
+    episodes: int = 100
+    frames: int = 100
+
+    @classmethod
+    def smoke(cls) -> Budget:
+        """As small as it gets, to see that everything runs."""
+        from evaluation.studies.common import SMOKE_PLANNER
+
+        return cls(planner=SMOKE_PLANNER, episodes=2, frames=3)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("--out", type=Path, default=Path("runs/demo"), help="folder (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the planners (default: %(default)s)")
+    parser.add_argument("--smoke", action="store_true", help="a tiny budget, to see whether everything runs")
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Plan, disturb, tabulate, draw; what an earlier run has done is not done again."""
+    from evaluation.figures import animate_rollouts, overview
+    from evaluation.studies.common import StudyRun, mode_cases
+    from evaluation.studies.pictures import first_trajectories
+    from evaluation.tables import markdown, write_table
+
+    budget = Budget.smoke() if args.smoke else Budget()
+    study = StudyRun(args.out, (args.seed,), budget.episodes, cache=args.out)
+    cases = mode_cases(budget.objectives, budget.planner, {})
+    study.plan(cases)
+    results = [result for (result,) in study.evaluate(cases, budget.protocol)]
+    rows = [_row(case.title, result) for case, result in zip(cases, results, strict=True)]
+    paths = write_table(args.out, rows, f"Demo: {budget.protocol}", NOTE)
+    drawn = first_trajectories(study, cases, budget.protocol)
+    paths.append(overview(drawn, args.out / "overview.png"))
+    every = max(1, drawn[0].steps // budget.frames)
+    paths.append(animate_rollouts(drawn, args.out / "animation.gif", every=every))
+    data = {"protocol": budget.protocol, "results": dict(zip(budget.objectives, results, strict=True))}
+    wrote = [*paths, args.out / "records.jsonl", args.out / "plans"]
+    return Report(markdown(rows, notes=NOTE), data, wrote)
+
+
+def _row(title: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    from evaluation.metrics import wilson_interval
+    from evaluation.tables import Spread
+
+    return {
+        "objective": title,
+        "n": result["n"],
+        "success": wilson_interval(result["successes"], result["n"]),
+        "d2g, m": Spread(result["d2g_mean"], result["d2g_std"]),
+        "caging": result["mean_caging"],
+    }

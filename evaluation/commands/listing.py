@@ -1,0 +1,64 @@
+"""`piec list`: the tables of the suite."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from evaluation.commands import Report
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """It has no arguments of its own."""
+
+
+def run(args: argparse.Namespace) -> Report:
+    """List every table with its names."""
+    tables = _tables()
+    lines = []
+    for title, rows in tables.items():
+        width = max(map(len, rows))
+        lines += [title, *(f"  {name.ljust(width)}  {text}".rstrip() for name, text in rows.items()), ""]
+    return Report("\n".join(lines), tables)
+
+
+def _tables() -> dict[str, dict[str, str]]:
+    """Title to names to one line about each."""
+    from evaluation.commands import COMMANDS
+    from evaluation.protocols import PROTOCOLS
+    from evaluation.studies import STUDIES
+    from piec_envs.dynamics.quasi_dynamic import SOLVERS
+    from piec_envs.escape.field import FIELDS
+    from piec_envs.registration import ENVS
+    from piec_envs.state import DYNAMICS_NAMES
+    from piec_envs.tasks import PRESETS, PRIORS
+    from piec_envs.world.objects import OBJECTS
+    from piec_envs.world.robots import ROBOTS, get_robot
+    from planners.objectives import OBJECTIVES
+
+    return {
+        "environments": {name: _summary(entry) for name, (entry, _) in ENVS.items()},
+        "robots": {name: f"{get_robot(name).dof} joints" for name in ROBOTS},
+        "objects": {name: f"{len(item.shapes)} shape(s), {item.mass} kg" for name, item in OBJECTS.items()},
+        "dynamics": dict.fromkeys(DYNAMICS_NAMES, ""),
+        "solvers": dict.fromkeys(SOLVERS, ""),
+        "escape fields": {name: _first_line(kind) for name, kind in FIELDS.items()},
+        "priors": dict.fromkeys(PRIORS, ""),
+        "presets": dict.fromkeys(PRESETS, ""),
+        "objectives": {name: row.label for name, row in OBJECTIVES.items()},
+        "protocols": {name: row.description for name, row in PROTOCOLS.items()},
+        "studies": {name: row.description for name, row in STUDIES.items()},
+        "commands": {name: row.help for name, row in COMMANDS.items()},
+    }
+
+
+def _first_line(item: Any) -> str:
+    return (item.__doc__ or "").strip().partition("\n")[0]
+
+
+def _summary(entry_point: str) -> str:
+    """First line of the docstring of an env, named `module:class`."""
+    from importlib import import_module
+
+    module, _, name = entry_point.partition(":")
+    return _first_line(getattr(import_module(module), name))

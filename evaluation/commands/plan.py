@@ -1,0 +1,44 @@
+"""`piec plan`: plan a motion and write it to a file."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+from evaluation.commands import Report, settings
+from evaluation.studies import PUSH
+from piec_envs.errors import UnknownNameError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("--env", default=PUSH, help="id of the environment (default: %(default)s)")
+    parser.add_argument("--objective", default="caging", help="contact, proximity, caging or adversarial")
+    parser.add_argument("--preset", default="default", help="weights of the stage cost: default or paper")
+    parser.add_argument("--seed", type=int, default=0, help="of all randomness (default: %(default)s)")
+    parser.add_argument(
+        "--planner", nargs="+", metavar="NAME=VALUE", help="settings of the planner, such as iterations=20 restarts=1"
+    )
+    parser.add_argument(
+        "--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the nominal model, such as object=square"
+    )
+    parser.add_argument("--out", type=Path, help="file to write (default: runs/plans/OBJECTIVE-seedSEED.npz)")
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Plan and save."""
+    from planners import CmaEsPlanner
+
+    chosen = {"objective": args.objective, "preset": args.preset, **settings(args.planner)}
+    known = [item.name for item in dataclasses.fields(CmaEsPlanner)]
+    for name in chosen:
+        if name not in known:
+            raise UnknownNameError("planner setting", name, known)
+    plan = CmaEsPlanner(**chosen).plan(args.env, seed=args.seed, **settings(args.set))
+    out = plan.save(args.out or Path("runs", "plans", f"{args.objective}-seed{args.seed}.npz"))
+    distance, d2g = plan.nominal["goal_distance"], plan.nominal["d2g"]
+    place = "inside the goal region" if d2g == 0 else f"{d2g:.3f} m outside the goal region"
+    text = f"{plan.objective}: cost {plan.cost:.6g}; the object ends {distance:.3f} m from the goal, {place}"
+    data = {"objective": plan.objective, "preset": plan.preset, "seed": plan.seed, "cost": plan.cost}
+    return Report(text, {**data, "env_id": plan.env_id, "nominal": plan.nominal}, [out])

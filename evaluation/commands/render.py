@@ -1,0 +1,97 @@
+"""`piec render`: a plan as an animation, or a state as a picture."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from evaluation.commands import Report, settings
+from evaluation.studies import PUSH
+from piec_envs.errors import InvalidParameterError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("plan", nargs="?", type=Path, help="plan file; without it a state is drawn")
+    parser.add_argument("--env", help="id of the environment (default: the plan's, or PlanarArmPush)")
+    parser.add_argument("--state", help="JSON with q_r, pose ..., or a file with it (default: the start)")
+    parser.add_argument("--protocol", default="nominal", help="what disturbs the plan (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the episode (default: %(default)s)")
+    parser.add_argument("--frames", type=int, default=60, help="of the animation, about (default: %(default)s)")
+    parser.add_argument("--fps", type=float, default=15.0, help="frames per second (default: %(default)s)")
+    parser.add_argument("--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the environment")
+    parser.add_argument("--out", type=Path, help=".gif, .mp4 or .png (default: beside the plan, or runs/state.png)")
+
+
+def run(args: argparse.Namespace) -> Report:
+    """Draw with the environment's own renderer."""
+    return _draw_state(args) if args.plan is None else _draw_plan(args)
+
+
+def _draw_state(args: argparse.Namespace) -> Report:
+    import gymnasium as gym
+    import imageio.v3 as imageio
+
+    import piec_envs  # noqa: F401  registers the environments
+    from evaluation.protocols import get_protocol
+
+    out = args.out or Path("runs/state.png")
+    if out.suffix != ".png":
+        raise InvalidParameterError(f"a state is drawn as .png, got {out.name!r}")
+    kwargs = get_protocol(args.protocol).env_kwargs(settings(args.set))
+    env: Any = gym.make(args.env or PUSH, render_mode="rgb_array", **kwargs)
+    _, info = env.reset(seed=args.seed, options=None if args.state is None else {"state": _state(args.state)})
+    out.parent.mkdir(parents=True, exist_ok=True)
+    imageio.imwrite(out, env.render())
+    shown = {name: info[name] for name in ("goal_distance", "min_distance", "escape_time", "caging") if name in info}
+    return Report(", ".join(f"{name} {value:.3f}" for name, value in shown.items()), {"info": shown}, [out])
+
+
+def _state(text: str) -> dict[str, Any]:
+    """The state that a JSON text, or a file with one, describes."""
+    try:
+        path = Path(text)
+        value = json.loads(text if text.lstrip().startswith("{") else path.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise InvalidParameterError(f"--state takes a JSON object or a file with one, got {text!r}: {error}") from error
+    if not isinstance(value, dict):
+        raise InvalidParameterError(f"--state takes a JSON object, got {value!r}")
+    return value
+
+
+def _draw_plan(args: argparse.Namespace) -> Report:
+    from evaluation.figures.animation import animation
+    from evaluation.protocols import get_protocol
+    from planners import Plan
+
+    if args.frames < 1 or args.fps <= 0:
+        raise InvalidParameterError(f"--frames and --fps must be above 0, got {args.frames} and {args.fps}")
+    plan = Plan.load(args.plan)
+    kwargs = get_protocol(args.protocol).env_kwargs(settings(args.set))
+    out = args.out or args.plan.with_suffix(".gif")
+    end: dict[str, Any] = {}
+    animation(_frames(plan, kwargs, args, end), out, args.fps)
+    return Report(f"the object ends {end['goal_distance']:.3f} m from the goal", {"end": end}, [out])
+
+
+def _frames(plan: Any, kwargs: dict[str, Any], args: argparse.Namespace, end: dict[str, Any]) -> Iterator[Any]:
+    """Pictures of an execution of the plan; `end` is given its outcome."""
+    import gymnasium as gym
+    from tqdm import trange
+
+    from planners import OpenLoopPolicy
+
+    env: Any = gym.make(args.env or plan.env_id, render_mode="rgb_array", **kwargs)
+    plan.check_fits(env.spec.id, env.unwrapped.batch.robot.name)
+    policy = OpenLoopPolicy(plan)
+    observation, info = env.reset(seed=args.seed)
+    every = max(1, plan.horizon // args.frames)
+    yield env.render()
+    for step in trange(1, plan.horizon + 1, desc="drawing", unit="step", leave=False):
+        observation, _, _, _, info = env.step(policy.predict(observation)[0])
+        if step % every == 0 or step == plan.horizon:
+            yield env.render()
+    end.update({name: info[name] for name in ("goal_distance", "d2g", "is_success")})

@@ -1,0 +1,21 @@
+"""Figures of the studies: they take arrays, write PNG or GIF files and return their paths."""
+
+from evaluation.figures.animation import animate_rollouts
+from evaluation.figures.base import MODES, Mode, Trajectory
+from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
+from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
+
+__all__ = [
+    "MODES",
+    "Mode",
+    "Trajectory",
+    "animate_rollouts",
+    "contact_fractions",
+    "distance_bands",
+    "field_strip",
+    "final_distances",
+    "keyframes",
+    "over_time",
+    "overview",
+    "trajectories",
+]

@@ -1,0 +1,182 @@
+"""Work that fans out: one function over JSON specs and integer seeds, never over live envs.
+
+The function is importable and called as `function(spec, seed, context)`, in this process or in
+workers; what it returns is JSON. So the same call runs on one core, on all cores (joblib's loky), on
+whatever backend `joblib.parallel_config` has set (Ray, Dask), or on anything with `submit`
+(submitit, concurrent.futures), and the results are the same everywhere.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from evaluation.records import RecordFile, make_record, work_key
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+
+POLL_SECONDS = 0.05  # between two looks at an executor's futures
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a piece of work is told beside its spec; it must not change the result.
+
+    Args:
+        folder: where its files go.
+        threads: how many it may use; None is all cores.
+        progress: whether it may show a progress bar of its own.
+    """
+
+    folder: str = ""
+    threads: int | None = None
+    progress: bool = False
+
+
+@dataclass(frozen=True)
+class Work:
+    """One piece of work.
+
+    Args:
+        spec: what to do, JSON values.
+        seed: its seed.
+        label: what the progress bar calls it.
+    """
+
+    spec: Mapping[str, Any]
+    seed: int = 0
+    label: str = ""
+
+    @property
+    def key(self) -> str:
+        """Key of its record."""
+        return work_key(self.spec, self.seed)
+
+
+def function_name(function: str | Callable) -> str:
+    """`module:function` of a function that workers can import."""
+    return function if isinstance(function, str) else f"{function.__module__}:{function.__qualname__}"
+
+
+def resolve(name: str) -> Callable[..., Any]:
+    """The function called `module:function`.
+
+    Raises:
+        UnknownNameError: if there is none.
+    """
+    module, _, attribute = name.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise UnknownNameError("function", name, ["module:function"]) from error
+
+
+def call(name: str, spec: Mapping[str, Any], seed: int, context: Context) -> tuple[Any, float]:
+    """Do one piece of work; this is what workers run.
+
+    Returns:
+        The result and the seconds it took.
+    """
+    function = resolve(name)
+    begin = time.perf_counter()
+    result = function(dict(spec), seed, context)
+    return result, time.perf_counter() - begin
+
+
+def run_jobs(
+    function: str | Callable, works: Sequence[Work], jobs: Any = 1, context: Context | None = None
+) -> Iterator[tuple[Work, Any, float]]:
+    """Do all pieces of work.
+
+    Args:
+        function: `module:function`, or a function of a module, of (spec, seed, context).
+        works: what to do.
+        jobs: 1 for a plain loop in this process, which leaves all threads to each piece of work;
+            more for that many joblib workers with one thread each; or an executor with `submit`.
+        context: for every piece of work; workers get one thread and no progress bar.
+
+    Yields:
+        Each piece of work with its result and seconds, as they arrive.
+
+    Raises:
+        InvalidParameterError: if `jobs` is none of these.
+    """
+    name, context = function_name(function), context or Context()
+    alone = replace(context, threads=1, progress=False)
+    if hasattr(jobs, "submit"):
+        yield from _run_submitted(name, works, jobs, alone)
+    elif not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
+        raise InvalidParameterError(f"jobs must be a whole number of at least 1 or have `submit`, got {jobs!r}")
+    elif jobs == 1:
+        for work in works:
+            yield work, *call(name, work.spec, work.seed, context)
+    else:
+        yield from _run_joblib(name, works, jobs, alone)
+
+
+def _indexed_call(index: int, *arguments: Any) -> tuple[int, Any, float]:
+    return index, *call(*arguments)
+
+
+def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -> Iterator[tuple[Work, Any, float]]:
+    import joblib
+
+    delayed = joblib.delayed(_indexed_call)
+    calls = [delayed(i, name, dict(work.spec), work.seed, context) for i, work in enumerate(works)]
+    try:
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+        pieces = [calls]
+    except ValueError:  # this backend hands back nothing before everything is done: give it little at a time
+        parallel = joblib.Parallel(n_jobs=jobs, batch_size=1)
+        pieces = [calls[lo : lo + jobs] for lo in range(0, len(calls), jobs)]
+    for piece in pieces:
+        for index, result, seconds in parallel(piece):
+            yield works[index], result, seconds
+
+
+def _run_submitted(
+    name: str, works: Sequence[Work], executor: Any, context: Context
+) -> Iterator[tuple[Work, Any, float]]:
+    waiting = {executor.submit(call, name, dict(work.spec), work.seed, context): work for work in works}
+    while waiting:
+        done = [future for future in waiting if future.done()]
+        for future in done:
+            yield waiting.pop(future), *future.result()
+        if not done:
+            time.sleep(POLL_SECONDS)
+
+
+def run_recorded(
+    function: str | Callable,
+    works: Sequence[Work],
+    path: str | Path,
+    jobs: Any = 1,
+    context: Context | None = None,
+    progress: str = "",
+) -> list[dict[str, Any]]:
+    """Do the work that a record file does not hold yet, and record each piece as it arrives.
+
+    Args:
+        function: as in `run_jobs`.
+        works: what to do.
+        path: of the record file.
+        jobs, context: as in `run_jobs`.
+        progress: what the progress bar says; "" for none.
+
+    Returns:
+        The records of `works`, in their order.
+    """
+    with RecordFile(path) as file:
+        todo = {work.key: work for work in works if work.key not in file.records}
+        bar = tqdm(total=len(works), initial=len(works) - len(todo), desc=progress, disable=not progress, delay=0.5)
+        with bar:
+            for work, result, seconds in run_jobs(function, list(todo.values()), jobs, context):
+                file.append(make_record(work.spec, work.seed, result, seconds))
+                bar.set_postfix_str(work.label)
+                bar.update()
+        return [file.records[work.key] for work in works]

@@ -1,0 +1,200 @@
+"""Records of work done: append-only JSON lines, one for each piece of work, safe against kills.
+
+A line is written with one call and forced to the disk before the next begins, so that a kill can
+cut off the last line alone; the next run drops that line and does its work again. The lock of an
+open file keeps a second run out, and the key of a record lets no piece of work in twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from piec_envs.errors import RecordError
+
+try:
+    import fcntl
+except ImportError:  # not a POSIX system: a second run is not kept out there
+    fcntl = None  # type: ignore[assignment]
+
+FORMAT = "piec-record-1"
+_FIRST = f'{{"format":"{FORMAT}",'.encode()  # every line begins so
+_FIELDS = ("format", "key", "spec", "seed", "result", "seconds", "versions")
+_PACKAGES = ("piec-envs", "numpy", "numba", "scipy", "gymnasium", "cma", "mujoco")
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that a result depends on; nothing is imported for it."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def to_json(value: Any) -> Any:
+    """The value in what JSON has; NaN and the infinities become {"number": "nan"} and the like.
+
+    Args:
+        value: made of dicts, sequences, NumPy arrays and scalars, paths, text, numbers and None.
+
+    Returns:
+        A value that `json.dumps(..., allow_nan=False)` takes and `from_json` turns back.
+
+    Raises:
+        RecordError: for anything else.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return to_json(value.tolist())
+    if isinstance(value, list | tuple):
+        return [to_json(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"number": str(value)}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise RecordError(f"a record holds JSON values alone, got {type(value).__name__}: {value!r}")
+
+
+def from_json(value: Any) -> Any:
+    """Undo `to_json`, as far as JSON tells."""
+    if isinstance(value, dict):
+        if set(value) == {"number"} and value["number"] in ("nan", "inf", "-inf"):
+            return float(value["number"])
+        return {key: from_json(item) for key, item in value.items()}
+    return [from_json(item) for item in value] if isinstance(value, list) else value
+
+
+def canonical(value: Any) -> str:
+    """One text for all equal values."""
+    return json.dumps(to_json(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def work_key(spec: Mapping[str, Any], seed: int) -> str:
+    """The key of a piece of work, the same on every machine."""
+    return hashlib.sha256(canonical({"spec": spec, "seed": int(seed)}).encode()).hexdigest()[:16]
+
+
+def make_record(spec: Mapping[str, Any], seed: int, result: Any, seconds: float) -> dict[str, Any]:
+    """The record of a piece of work that is done.
+
+    Args:
+        spec: what the work is, JSON values.
+        seed: its seed.
+        result: what came out, JSON values and NumPy arrays.
+        seconds: how long it took.
+    """
+    return {
+        "format": FORMAT,
+        "key": work_key(spec, seed),
+        "spec": to_json(spec),
+        "seed": int(seed),
+        "result": to_json(result),
+        "seconds": round(float(seconds), 3),
+        "versions": versions(),
+    }
+
+
+def _parse(path: Path, data: bytes) -> tuple[list[dict[str, Any]], int]:
+    """Records in a file's contents, and the length of the part that is whole."""
+    end = data.rfind(b"\n") + 1
+    tail = data[end:]
+    if tail and not (tail.startswith(_FIRST) or _FIRST.startswith(tail)):
+        raise RecordError(f"{path} holds no records: its last line is {tail[:40]!r}...")
+    records: list[dict[str, Any]] = []
+    for number, line in enumerate(data[:end].splitlines(), start=1):
+        try:
+            record = json.loads(line)
+        except ValueError as error:
+            raise RecordError(f"{path}, line {number}, is no JSON: {line[:40]!r}...") from error
+        if not isinstance(record, dict) or record.get("format") != FORMAT or any(n not in record for n in _FIELDS):
+            raise RecordError(f"{path}, line {number}, is no record of format {FORMAT}: {line[:40]!r}...")
+        records.append(from_json(record))
+    return records, end
+
+
+def read_records(path: str | os.PathLike) -> list[dict[str, Any]]:
+    """All records of a file, without a last line that was cut off; none if there is no file.
+
+    Raises:
+        RecordError: if the file is no record file.
+    """
+    try:
+        return _parse(Path(path), Path(path).read_bytes())[0]
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise RecordError(f"{path} cannot be read: {error}") from error
+
+
+class RecordFile:
+    """A record file open for appending; use it in a `with` statement.
+
+    Args:
+        path: of the file, made if missing; a last line that was cut off is removed.
+
+    Raises:
+        RecordError: if the file is no record file, or another run writes it.
+    """
+
+    def __init__(self, path: str | os.PathLike):
+        self.path = Path(path)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._file = open(self.path, "ab+")  # noqa: SIM115  closed by __exit__
+        except OSError as error:
+            raise RecordError(f"{path} cannot be written: {error}") from error
+        try:
+            self._lock()
+            self._file.seek(0)
+            records, end = _parse(self.path, self._file.read())
+            self._file.truncate(end)
+        except BaseException:
+            self._file.close()
+            raise
+        self.records: dict[str, dict[str, Any]] = {record["key"]: record for record in records}
+
+    def _lock(self) -> None:
+        if fcntl is None:
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RecordError(f"{self.path} is being written by another run") from error
+
+    def append(self, record: Mapping[str, Any]) -> None:
+        """Add a record of `make_record` and force it to the disk.
+
+        Raises:
+            RecordError: if the file has a record with this key already.
+        """
+        if record["key"] in self.records:
+            raise RecordError(f"{self.path} has a record with key {record['key']} already")
+        line = json.dumps({name: record[name] for name in _FIELDS}, separators=(",", ":"), allow_nan=False)
+        self._file.write(line.encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self.records[record["key"]] = from_json(dict(record))
+
+    def __enter__(self) -> RecordFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()

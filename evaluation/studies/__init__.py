@@ -1,0 +1,63 @@
+"""The table of studies: each reproduces one part of the paper and is one readable file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from piec_envs.errors import UnknownNameError
+
+PUSH = "piec_envs/PlanarArmPush-v0"  # the env of the planar studies
+
+
+@dataclass(frozen=True)
+class Study:
+    """One row of the table of studies.
+
+    Args:
+        name: its key in the table, and its folder under results.
+        module: where `Settings` and `run(settings, out_dir, jobs, progress)` stand.
+        description: one line for people.
+    """
+
+    name: str
+    module: str
+    description: str
+
+    def load(self) -> Any:
+        """The study's module."""
+        return import_module(self.module)
+
+
+STUDIES = {
+    row.name: row
+    for row in (
+        Study(
+            "planar-objectives",
+            "evaluation.studies.planar_objectives",
+            "what the three objectives make the arm do (paper, section 5.5)",
+        ),
+        Study(
+            "planar-disturbance",
+            "evaluation.studies.planar_disturbance",
+            "which plans survive random displacements of the object (paper, section 6.2)",
+        ),
+        Study(
+            "planar-adversary",
+            "evaluation.studies.planar_adversary",
+            "planning against a fleeing object, mode 4, beside mode 3 (paper, appendix B.1)",
+        ),
+    )
+}
+
+
+def get_study(name: str) -> Study:
+    """The study of that name.
+
+    Raises:
+        UnknownNameError: if the table has no such row.
+    """
+    if name not in STUDIES:
+        raise UnknownNameError("study", name, STUDIES)
+    return STUDIES[name]

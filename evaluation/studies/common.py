@@ -1,0 +1,224 @@
+"""What studies share: cases, the run that plans and evaluates them with records, and rows of tables."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from evaluation.figures.base import mode_of
+from evaluation.jobs import Context, Work, run_recorded
+from evaluation.metrics import bootstrap_interval, wilson_interval
+from evaluation.outcome import Evaluation
+from evaluation.studies import PUSH
+from evaluation.studies.work import drawn_evaluation, evaluation_spec, get_plan, plan_file, plan_spec
+from evaluation.tables import Rates, Spread
+from planners import Plan
+
+PLANNER_SEEDS = (0, 1, 2, 3, 4)
+SMOKE_PLANNER = {"iterations": 2, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
+# One search of 100 iterations with 50 samples, from rest (paper, appendix A.2.1).
+PAPER_PLANNER = {"preset": "paper", "restarts": 1, "robust_iterations": 0, "start": "rest"}
+PAPER_PLANT = {"preset": "paper"}
+DO = "evaluation.studies.work:do"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One planner, and the env that it plans for and that its plans are executed in.
+
+    Args:
+        label: what tables and figures call it.
+        planner: arguments of `CmaEsPlanner`.
+        env_kwargs: keyword arguments of the nominal model and of the plant; protocols change the plant.
+        env_id: id of the environment.
+    """
+
+    label: str
+    planner: Mapping[str, Any]
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    env_id: str = PUSH
+
+    @property
+    def title(self) -> str:
+        """The label as tables show it."""
+        name, comma, rest = self.label.partition(", ")
+        return mode_of(name).label + comma + rest
+
+    def plan_work(self, seed: int) -> Work:
+        """Planning with one seed."""
+        return Work(plan_spec(self.env_id, self.env_kwargs, self.planner), seed, f"{self.label}, seed {seed}")
+
+    def evaluation_work(self, seed: int, protocol: str, episodes: int) -> Work:
+        """Evaluating the plan of one seed under a protocol."""
+        spec = evaluation_spec(self.plan_work(seed).spec, self.env_kwargs, protocol, episodes)
+        return Work(spec, seed, f"{self.label}, seed {seed}, {protocol}")
+
+
+def mode_cases(objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]) -> list[Case]:
+    """One case for each objective; all else is the same."""
+    return [Case(name, {**planner, "objective": name}, env_kwargs) for name in objectives]
+
+
+def paper_cases(objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]) -> list[Case]:
+    """The same with the preset `paper` and the paper's budget, for planning and for execution."""
+    own = {**planner, **PAPER_PLANNER}
+    return [Case(f"{name}, paper", {**own, "objective": name}, {**env_kwargs, **PAPER_PLANT}) for name in objectives]
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """One run of a study; everything done stands in its record file, so that it can be resumed.
+
+    Args:
+        out_dir: the study's folder.
+        seeds: the planner's seeds.
+        episodes: rollouts of each plan under each random protocol.
+        jobs: workers, or an executor.
+        progress: whether to show progress.
+        cache: folder with the plans that studies share; None takes the one above `out_dir`.
+    """
+
+    out_dir: Path
+    seeds: Sequence[int]
+    episodes: int
+    jobs: Any = 1
+    progress: bool = True
+    cache: Path | None = None
+
+    @property
+    def context(self) -> Context:
+        """What the pieces of work are told."""
+        return Context(folder=str(self.cache or self.out_dir.parent), progress=self.progress)
+
+    def plan(self, cases: Sequence[Case]) -> list[list[dict[str, Any]]]:
+        """Plan with every seed; copies of the plans are left in the study's own folder.
+
+        Returns:
+            For each case the results of `plan_once`, one for each seed.
+        """
+        works = [case.plan_work(seed) for case in cases for seed in self.seeds]
+        results = self._run(works, "planning")
+        (self.out_dir / "plans").mkdir(parents=True, exist_ok=True)
+        for work in works:
+            get_plan(work.spec, work.seed, self.context)  # made again if the cache was emptied
+            source = plan_file(self.context.folder, work.spec, work.seed)
+            target = self.out_dir / "plans" / source.name
+            if source != target:
+                shutil.copyfile(source, target)
+        return self._by_case(results)
+
+    def evaluate(self, cases: Sequence[Case], protocol: str) -> list[list[dict[str, Any]]]:
+        """Evaluate every plan under a protocol.
+
+        Returns:
+            For each case the results of `evaluate_once`, one for each seed.
+        """
+        works = [case.evaluation_work(seed, protocol, self.episodes) for case in cases for seed in self.seeds]
+        return self._by_case(self._run(works, f"evaluating, {protocol}"))
+
+    def load_plan(self, case: Case, seed: int) -> Plan:
+        """The plan of one seed."""
+        return get_plan(case.plan_work(seed).spec, seed, self.context)
+
+    def load_evaluation(self, case: Case, seed: int, protocol: str) -> Evaluation:
+        """What the plan of one seed did, for figures."""
+        work = case.evaluation_work(seed, protocol, self.episodes)
+        return drawn_evaluation(work.spec, seed, self.context)
+
+    def draw(self, *drawings: Callable[[], Path]) -> list[Path]:
+        """Make figures one after the other; returns their files."""
+        return [draw() for draw in tqdm(drawings, "drawing", disable=not self.progress, leave=False, delay=0.5)]
+
+    def _run(self, works: list[Work], label: str) -> list[dict[str, Any]]:
+        file = self.out_dir / "records.jsonl"
+        records = run_recorded(DO, works, file, self.jobs, self.context, label if self.progress else "")
+        return [record["result"] for record in records]
+
+    def _by_case(self, results: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
+        n = len(self.seeds)
+        return [results[lo : lo + n] for lo in range(0, len(results), n)]
+
+
+def column(results: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:
+    """One number of every plan's result, shape (plans,); None becomes NaN."""
+    return np.array([np.nan if result[name] is None else result[name] for result in results], dtype=float)
+
+
+def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Success under a random protocol: within the first plan, plan by plan, and over plans.
+
+    Args:
+        results: of `evaluate_once`, one for each plan.
+
+    Returns:
+        Cells of a table.
+    """
+    first, rates = results[0], [result["success_rate"] for result in results]
+    return {
+        "plans": len(results),
+        "n": _executions(results),
+        "first plan": wilson_interval(first["successes"], first["n"]),
+        "each plan": Rates(rates),
+        "mean over plans": bootstrap_interval(rates),
+        "least": Rates([min(rates)]),
+    }
+
+
+def _executions(results: Sequence[Mapping[str, Any]]) -> str:
+    """How many distinct executions, such as "5 x 100"."""
+    counts = sorted({result["n"] for result in results})
+    return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result["n"] for result in results))
+
+
+def distance_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Distances at the end, over all executions of all plans, m.
+
+    The standard deviation is that of all executions together.
+    """
+    weights = column(results, "n")
+    cells: dict[str, Any] = {}
+    for name, label in (("d2g", "d2g, m"), ("goal_distance", "goal distance, m")):
+        means, deviations = column(results, f"{name}_mean"), column(results, f"{name}_std")
+        mean = float(np.average(means, weights=weights))
+        variance = float(np.average(deviations**2 + (means - mean) ** 2, weights=weights))
+        cells[label] = Spread(mean, variance**0.5)
+    cells["deviation, m"] = float(np.average(column(results, "deviation"), weights=weights))
+    return cells
+
+
+def usage_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """How the arm is used, means over plans: contact of each link, arm distance, caging."""
+    contact = np.mean([result["contact_fraction"] for result in results], axis=0)  # (links,)
+    cells: dict[str, Any] = {f"link {i + 1}": Rates([share]) for i, share in enumerate(contact)}
+    cells["arm distance, m"] = spread(column(results, "mean_distance"))
+    cells["caging"] = spread(column(results, "mean_caging"))
+    return cells
+
+
+def spread(values: np.ndarray) -> Spread:
+    """Mean and standard deviation over plans."""
+    return Spread(float(values.mean()), float(values.std()))
+
+
+def home_columns(plans: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Where the nominal execution of each plan ends; one distinct execution for each plan.
+
+    Args:
+        plans: results of `plan_once`.
+    """
+    ends = [plan["nominal"]["goal_distance"] for plan in plans]
+    home = sum(plan["nominal"]["d2g"] == 0 for plan in plans)
+    crossed = sum(plan["crossing"] > 0 for plan in plans)
+    return {
+        "plans": len(plans),
+        "n": len(plans),
+        "in the goal": f"{home} of {len(plans)}",
+        "goal distance, m": ends,
+        "through itself": f"{crossed} of {len(plans)}",
+    }

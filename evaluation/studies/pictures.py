@@ -1,0 +1,54 @@
+"""From what a study evaluated to what figures draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from evaluation.figures import Trajectory
+from evaluation.outcome import Evaluation
+from evaluation.protocols import get_protocol
+from evaluation.studies.common import Case, StudyRun
+
+
+def trajectory(case: Case, nominal: Evaluation, disturbed: Evaluation | None = None) -> Trajectory:
+    """One plan's executions as figures take them.
+
+    Args:
+        case: how the plan came about.
+        nominal: its undisturbed execution.
+        disturbed: its disturbed executions, or None.
+    """
+    env: Any = gym.make(case.env_id, disable_env_checker=True, **{**case.env_kwargs, "escape_field": None}).unwrapped
+    return Trajectory(
+        mode=case.label,
+        robot_name=env.batch.robot.name,
+        object_name=env.config.object,
+        goal=env.batch.task.goal,
+        q_r=nominal.q_r[0],
+        pose=nominal.pose[0],
+        contact=nominal.contact[0],
+        disturbed=None if disturbed is None else disturbed.pose,
+    )
+
+
+def first_trajectories(study: StudyRun, cases: Sequence[Case], protocol: str | None = None) -> list[Trajectory]:
+    """The first seed's plan of each case, with its executions under a protocol, if one is named."""
+    seed, drawn = study.seeds[0], []
+    for case in cases:
+        disturbed = study.load_evaluation(case, seed, protocol) if protocol else None
+        drawn.append(trajectory(case, study.load_evaluation(case, seed, "nominal"), disturbed))
+    return drawn
+
+
+def over_plans(study: StudyRun, case: Case, protocol: str, name: str) -> np.ndarray:
+    """One quantity over time in all executions of all plans of a case, shape (executions, N + 1)."""
+    return np.concatenate([getattr(study.load_evaluation(case, seed, protocol), name) for seed in study.seeds])
+
+
+def sigma_of(protocol: str) -> float:
+    """The disturbance of a protocol, m."""
+    return float(get_protocol(protocol).params["disturbance"])

@@ -1,0 +1,106 @@
+"""What the three objectives make the arm do, without disturbance (paper, section 5.5).
+
+The same task is planned with each objective and several planner seeds. Shown are key frames, the
+fraction of the time in which each link touches the object, the arm's mean distance and the caging
+over time. The protocol draws nothing, so that each plan is one execution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evaluation.figures import contact_fractions, field_strip, keyframes, over_time
+from evaluation.studies.common import (
+    PLANNER_SEEDS,
+    SMOKE_PLANNER,
+    Case,
+    StudyRun,
+    home_columns,
+    mode_cases,
+    paper_cases,
+    usage_columns,
+)
+from evaluation.studies.pictures import first_trajectories, over_plans
+from evaluation.tables import write_table
+
+NOTES = """\
+n counts distinct executions, one for each planner seed. Goal distance: object's centre to the goal's
+at the end of each plan's nominal execution; "in the goal" counts those within 0.05 m. Link columns:
+fraction of the time in contact, mean over plans; arm distance: mean over links and time; caging:
+0.02 times the escape time, mean over time; both as mean ± standard deviation over plans. "Through
+itself" counts plans along which links cross. Rows called "paper" use the preset `paper` and the
+paper's budget, for planning and for execution."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All knobs of the study.
+
+    Args:
+        objectives: what to compare.
+        paper: objectives shown with the preset `paper` as well.
+        planner_seeds: one plan of each objective for each.
+        planner: arguments of `CmaEsPlanner` beside the objective.
+        env_kwargs: keyword arguments of the environment.
+    """
+
+    objectives: tuple[str, ...] = ("contact", "proximity", "caging")
+    paper: tuple[str, ...] = ("caging",)
+    planner_seeds: tuple[int, ...] = PLANNER_SEEDS
+    planner: Mapping[str, Any] = field(default_factory=dict)
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def smoke(cls) -> Settings:
+        """Tiny budgets, to see that everything runs."""
+        return cls(objectives=("contact", "caging"), paper=(), planner_seeds=(0,), planner=SMOKE_PLANNER)
+
+
+def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
+    """Run the study, or go on where it was stopped.
+
+    Args:
+        settings: the knobs.
+        out_dir: results/planar-objectives; plans are cached in the folder above.
+        jobs: workers, or an executor.
+        progress: whether to show progress.
+
+    Returns:
+        The files written.
+    """
+    study = StudyRun(Path(out_dir), settings.planner_seeds, episodes=1, jobs=jobs, progress=progress)
+    modes = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
+    cases = [*modes, *paper_cases(settings.paper, settings.planner, settings.env_kwargs)]
+    plans = study.plan(cases)
+    results = study.evaluate(cases, "nominal")
+    rows = [
+        {"objective": case.title, **home_columns(planned), **usage_columns(executed)}
+        for case, planned, executed in zip(cases, plans, results, strict=True)
+    ]
+    tables = write_table(study.out_dir, rows, "What the objectives make the arm do", NOTES)
+    return [*tables, *_draw(study, modes, results)]
+
+
+def _draw(study: StudyRun, cases: list[Case], results: list[list[dict]]) -> list[Path]:
+    """Key frames and the field of the first plans; curves and bars over all plans."""
+    folder = study.out_dir
+    fractions = {
+        case.label: np.mean([result["contact_fraction"] for result in executed], axis=0)
+        for case, executed in zip(cases, results, strict=False)
+    }
+    distance = {case.label: over_plans(study, case, "nominal", "mean_distance") for case in cases}
+    caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}
+    drawn = first_trajectories(study, cases)
+    return study.draw(
+        partial(keyframes, drawn, folder / "keyframes.png"),
+        partial(contact_fractions, fractions, folder / "contact_fractions.png"),
+        partial(over_time, distance, "arm distance [m]", folder / "arm_distance.png"),
+        partial(over_time, caging, "caging", folder / "caging.png"),
+        partial(field_strip, drawn[-1], folder / "escape_time.png"),
+    )

@@ -1,0 +1,141 @@
+"""The two pieces of work that studies are made of: plan once, and evaluate a plan once.
+
+Both are called by name in workers (`evaluation.jobs`). Plans are cached as files whose names end in
+the key of what they were planned for, so that studies share them; evaluations leave thinned arrays
+for the figures. A file that is missing or broken is made again, with the same result.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from evaluation.jobs import Context
+from evaluation.metrics import max_deviation, summarise
+from evaluation.outcome import Evaluation
+from evaluation.records import work_key
+from evaluation.rollout import NOT_IN_SPEC, evaluate
+from piec_envs.errors import PlanError, RecordError
+from planners import CmaEsPlanner, OpenLoopPolicy, Plan
+from planners.objectives import crossing
+
+KEEP_EVERY = 10  # steps between the states kept for figures
+
+
+def plan_spec(env_id: str, env_kwargs: Mapping[str, Any], planner: Mapping[str, Any]) -> dict[str, Any]:
+    """What makes a plan, but for its seed.
+
+    Args:
+        env_id: id of the environment.
+        env_kwargs: keyword arguments of the nominal model.
+        planner: arguments of `CmaEsPlanner`; its defaults are filled in, so that a change of them counts.
+    """
+    full = dataclasses.asdict(CmaEsPlanner(**planner))
+    return {"work": "plan", "env_id": env_id, "env_kwargs": dict(env_kwargs), "planner": full}
+
+
+def evaluation_spec(plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], protocol: str, episodes: int) -> dict:
+    """What makes an evaluation of a plan, but for its seed, which is the planner's as well.
+
+    Args:
+        plan: from `plan_spec`.
+        env_kwargs: keyword arguments of the plant.
+        protocol: name of the protocol.
+        episodes: how many.
+    """
+    return {
+        "work": "evaluate",
+        "plan": dict(plan),
+        "env_kwargs": dict(env_kwargs),
+        "protocol": protocol,
+        "episodes": episodes,
+    }
+
+
+def plan_file(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
+    """Where the plan of a spec and seed is cached."""
+    planner = spec["planner"]
+    name = f"{planner['objective']}-{planner['preset']}-seed{seed}-{work_key(spec, seed)[:8]}.npz"
+    return Path(folder) / "plans" / name
+
+
+def rollout_file(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
+    """Where the thinned arrays of an evaluation are kept."""
+    return Path(folder) / "rollouts" / f"{work_key(spec, seed)}.npz"
+
+
+def get_plan(spec: Mapping[str, Any], seed: int, context: Context) -> Plan:
+    """The cached plan, or a new one."""
+    file = plan_file(context.folder, spec, seed)
+    try:
+        return Plan.load(file)
+    except PlanError:
+        planner = CmaEsPlanner(**spec["planner"])
+    threads = {} if context.threads is None else {"threads": context.threads}
+    plan = planner.plan(spec["env_id"], seed=seed, progress=context.progress, **spec["env_kwargs"], **threads)
+    # What changes no result has no place in the file, or it would differ with the number of workers.
+    kept = {name: value for name, value in plan.env_kwargs.items() if name not in NOT_IN_SPEC}
+    plan = dataclasses.replace(plan, env_kwargs=kept)
+    plan.save(file)
+    return plan
+
+
+def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
+    """An evaluation at full time resolution; its thinned arrays are left as a file.
+
+    Episode i has the seed 1000 * seed + i: independent from plan to plan, alike for every objective.
+    """
+    plan = get_plan(spec["plan"], seed, context)
+    plant = {**spec["env_kwargs"], "threads": context.threads}
+    policy, env_id = OpenLoopPolicy(plan), spec["plan"]["env_id"]
+    evaluation = evaluate(policy, env_id, spec["protocol"], spec["episodes"], 1000 * seed, plant, context.progress)
+    every = KEEP_EVERY if evaluation.episodes > 1 else 1
+    evaluation.save(rollout_file(context.folder, spec, seed), every)
+    return evaluation
+
+
+def drawn_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
+    """An evaluation for figures, from its thinned file if there is one."""
+    try:
+        return Evaluation.load(rollout_file(context.folder, spec, seed)).expanded()
+    except RecordError:
+        return get_evaluation(spec, seed, context)
+
+
+def plan_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
+    """Plan, or find the cached plan.
+
+    Returns:
+        The plan's file name, cost, nominal measures, and how far the arm overlaps itself along it (m,
+        added up over every tenth step).
+    """
+    plan = get_plan(spec, seed, context)
+    env: Any = gym.make(spec["env_id"], disable_env_checker=True, escape_field=None).unwrapped
+    overlap = float(crossing(env.batch, plan.path[None, 1:])[0])
+    file = plan_file(context.folder, spec, seed).name
+    return {"file": file, "cost": plan.cost, "nominal": plan.nominal, "crossing": overlap}
+
+
+def evaluate_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
+    """Evaluate a plan.
+
+    Returns:
+        What `summarise` returns, and `deviation`: the mean over the episodes of the object's largest
+        distance from where it is without disturbance at the same time, m.
+    """
+    evaluation = get_evaluation(spec, seed, context)
+    plant = {**spec["env_kwargs"], "threads": context.threads, "escape_field": None}
+    policy = OpenLoopPolicy(get_plan(spec["plan"], seed, context))
+    nominal = evaluate(policy, spec["plan"]["env_id"], env_kwargs=plant)
+    deviation = max_deviation(evaluation.pose, nominal.pose[0])
+    return {**summarise(evaluation), "deviation": float(np.mean(deviation))}
+
+
+def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
+    """Do whichever of the two the spec names."""
+    return {"plan": plan_once, "evaluate": evaluate_once}[spec["work"]](spec, seed, context)

@@ -1,0 +1,209 @@
+"""What pictures are made of: robot, object, paths and regions on a Matplotlib axis.
+
+Matplotlib is imported where it is needed, so that importing the package stays quick, and only its
+object-oriented side is used: no pyplot, no window, no global state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from piec_envs.geometry.kinematics import link_frames
+from piec_envs.tasks import GOAL_RADIUS
+from piec_envs.world.objects import Object
+from piec_envs.world.robots import Robot
+from piec_envs.world.scene import pack_scene
+from piec_envs.world.shapes import RoundedPolygon
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+INK = "#1d2230"  # outlines and text
+LINK = "#e9ebef"
+TOUCHED = "#e8849a"  # links in contact
+OBJECT = "#f6c445"
+GOAL = "#1fa774"
+PATH = "#4be3f2"  # fastest escape
+EDGE_OF_WORKSPACE = "#d6453d"
+
+_SMOOTH = np.array([1, 2, 3, 2, 1]) / 9
+
+
+# --- geometry ----------------------------------------------------------------------------------
+
+
+def robot_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Pose of the base and of the frame after each joint.
+
+    Args:
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+
+    Returns:
+        x, y, cos, sin of each frame, shape (n + 1, 4).
+    """
+    frames = np.empty((robot.dof + 1, 4))
+    link_frames(pack_scene(robot.name, "circle"), np.ascontiguousarray(q, dtype=float), frames)
+    return frames
+
+
+def base_position(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Centre of the workspace: where the joints that slide have moved the base, shape (2,), m."""
+    sliding = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)
+    return robot_frames(robot, q)[sliding, :2]
+
+
+def _placed(shape: RoundedPolygon, frame: np.ndarray, grow: float = 0.0) -> np.ndarray:
+    """Outline of a shape, grown by `grow` (m), in a frame (x, y, cos, sin), shape (m, 2)."""
+    x, y, c, s = frame
+    outline = RoundedPolygon(shape.vertices, shape.radius + grow).outline()
+    return outline @ np.array([[c, s], [-s, c]]) + (x, y)
+
+
+def _compound(outlines: Sequence[np.ndarray]) -> Path:
+    """One path around all outlines: filled, they make a union."""
+    from matplotlib.path import Path
+
+    return Path.make_compound_path(*(Path(np.vstack([outline, outline[:1]]), closed=True) for outline in outlines))
+
+
+def union_patch(outlines: Sequence[np.ndarray], **style: Any) -> PathPatch:
+    """A Matplotlib patch of the union of closed outlines, each of shape (m, 2), m."""
+    from matplotlib.patches import PathPatch
+
+    return PathPatch(_compound(outlines), **style)
+
+
+def link_outlines(robot: Robot, q: np.ndarray, grow: float = 0.0) -> list[list[np.ndarray]]:
+    """Outlines of every link's shapes in the world.
+
+    Args:
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+        grow: width of the band around them to include, m.
+
+    Returns:
+        For each link, for each of its shapes, points of shape (m, 2), m.
+    """
+    frames = robot_frames(robot, q)
+    return [[_placed(shape, frames[link.frame], grow) for shape in link.shapes] for link in robot.links]
+
+
+# --- bodies ------------------------------------------------------------------------------------
+
+
+def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | None = None, **style: Any) -> None:
+    """Draw the links of a robot and its joints as circles.
+
+    Args:
+        ax: where to draw.
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+        contact: links to highlight, shape (links,).
+        style: properties of a Matplotlib patch; `facecolor` is that of links without contact.
+    """
+    style = {"facecolor": LINK, "edgecolor": INK, "linewidth": 0.9, "zorder": 5, **style}
+    outlines = link_outlines(robot, q)
+    touched = np.zeros(len(outlines), dtype=bool) if contact is None else np.asarray(contact, dtype=bool)
+    for link in sorted(range(len(outlines)), key=lambda k: touched[k]):
+        face = {"facecolor": TOUCHED} if touched[link] else {}
+        ax.add_artist(union_patch(outlines[link], **{**style, **face}))
+    frames, reach = robot_frames(robot, q), min(_half_width(robot), 0.05)
+    for j, joint in enumerate(robot.joints):
+        if joint.axis[2] != 0:
+            _dot(ax, frames[j + 1, :2], 0.42 * reach, **{**style, "facecolor": "white"})
+    _dot(ax, base_position(robot, q), 0.62 * reach, **{**style, "facecolor": style["edgecolor"]})
+
+
+def draw_ghost(ax: Axes, robot: Robot, q: np.ndarray, **style: Any) -> None:
+    """Draw a robot as one shape of even transparency, for overlaid keyframes.
+
+    Args:
+        ax: where to draw.
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+        style: properties of a Matplotlib patch.
+    """
+    outlines = [outline for link in link_outlines(robot, q) for outline in link]
+    ax.add_artist(union_patch(outlines, **{"facecolor": LINK, "edgecolor": "none", "alpha": 0.4, "zorder": 4, **style}))
+
+
+def draw_object(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
+    """Draw an object, with a tick that shows its angle.
+
+    Args:
+        ax: where to draw.
+        item: the object.
+        pose: its x, y, angle, shape (3,), m, rad.
+        style: properties of a Matplotlib patch.
+    """
+    style = {"facecolor": OBJECT, "edgecolor": INK, "linewidth": 1.1, "zorder": 6, **style}
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    frame = np.array([pose[0], pose[1], c, s])
+    ax.add_artist(union_patch([_placed(shape, frame) for shape in item.shapes], **style))
+    inner, outer = 0.35 * item.bounding_radius, 0.75 * item.bounding_radius
+    line: dict[str, Any] = {name: style.get(name) for name in ("linewidth", "alpha", "zorder")}
+    ax.plot(pose[0] + c * np.array([inner, outer]), pose[1] + s * np.array([inner, outer]), color=INK, **line)
+
+
+def _half_width(robot: Robot) -> float:
+    """Radius of the thinnest rounded link, m; 0.05 for sharp ones."""
+    return min((shape.radius for link in robot.links for shape in link.shapes if shape.radius > 0), default=0.05)
+
+
+def _dot(ax: Axes, centre: np.ndarray, radius: float, **style: Any) -> None:
+    from matplotlib.patches import Circle
+
+    ax.add_artist(Circle((float(centre[0]), float(centre[1])), radius, **style))
+
+
+# --- paths and regions -------------------------------------------------------------------------
+
+
+def draw_escape_path(ax: Axes, path: np.ndarray, **style: Any) -> None:
+    """Draw a fastest escape path, shape (m, 2), m; the grid's zigzag is smoothed over five points."""
+    padded = np.pad(path, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd") if len(path) > 4 else path
+    path = sliding_window_view(padded, 5, axis=0) @ _SMOOTH if len(path) > 4 else path
+    _cased_line(ax, path, **{"color": PATH, "linewidth": 2.0, "zorder": 7, **style})
+
+
+def draw_trail(ax: Axes, trail: np.ndarray, **style: Any) -> None:
+    """Draw where the object has been, shape (m, 2), m."""
+    _cased_line(ax, trail, **{"color": OBJECT, "linewidth": 1.6, "zorder": 5.5, **style})
+
+
+def draw_reference(ax: Axes, reference: np.ndarray, **style: Any) -> None:
+    """Draw the path to be tracked, shape (m, 2), m."""
+    _cased_line(ax, reference, **{"color": GOAL, "linewidth": 1.6, "linestyle": (0, (4, 2)), "zorder": 4.4, **style})
+
+
+def draw_workspace(ax: Axes, robot: Robot, q: np.ndarray) -> Any:
+    """Draw the circle that an escaping object has to cross, dashed, and return it."""
+    from matplotlib.patches import Circle
+
+    x, y = base_position(robot, q)
+    circle = Circle((x, y), robot.workspace_radius, fill=False, edgecolor=EDGE_OF_WORKSPACE, lw=1.4, ls=(0, (6, 4)))
+    circle.set_zorder(7)
+    ax.add_artist(circle)
+    return circle
+
+
+def draw_goal(ax: Axes, goal: np.ndarray, radius: float = GOAL_RADIUS, **style: Any) -> None:
+    """Draw the goal region around `goal`, shape (2,), m."""
+    _dot(ax, goal, radius, **{"facecolor": GOAL, "edgecolor": "none", "alpha": 0.4, "zorder": 3.5, **style})
+    _dot(ax, goal, radius, **{"facecolor": "none", "edgecolor": GOAL, "linewidth": 2.0, "zorder": 6.5, **style})
+
+
+def _cased_line(ax: Axes, points: np.ndarray, **style: Any) -> None:
+    """A line with a thin dark rim, legible on light and dark ground."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    rim = Stroke(linewidth=style["linewidth"] + 1.2, foreground=INK, alpha=0.55)
+    style = {"solid_capstyle": "round", "path_effects": [rim, Normal()], **style}
+    ax.plot(points[:, 0], points[:, 1], **style)

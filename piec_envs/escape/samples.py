@@ -1,0 +1,105 @@
+"""Random configurations and points on which escape fields are judged (DESIGN section 5, sets U and H)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from piec_envs.errors import UnknownNameError
+from piec_envs.escape.speed import distance_map
+from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.world.robots import get_robot
+from piec_envs.world.scene import pack_scene
+
+CURL = (0.6, 2.6)  # rad, range of |q_2|, ..., |q_n| in a curled configuration
+CURLED_REACH = 0.35  # m, points of the curled set lie this close to the robot's centroid
+
+
+@njit(cache=True, nogil=True)
+def _distances(scene, q, points, out):
+    frames = np.empty((q.shape[1] + 1, 4))
+    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
+    work = np.empty((2, points.shape[1]))
+    for row in range(q.shape[0]):
+        link_frames(scene, q[row], frames)
+        place_shapes(scene.robot, frames, vertices, centres)
+        distance_map(scene.robot, vertices, points[row, :, 0], points[row, :, 1], out[row], work)
+
+
+def robot_distance(robot_name: str, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
+    """Signed distance of points to a robot.
+
+    Args:
+        robot_name: a row of the table of robots.
+        points: shape (B, k, 2) or (k, 2), m.
+        q_r: joint positions, shape (B, n) or (n,).
+
+    Returns:
+        d, shape (B, k) or (k,), m.
+    """
+    points, q = np.asarray(points, dtype=float), np.asarray(q_r, dtype=float)
+    columns = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))  # (B, k, 2)
+    out = np.empty(columns.shape[:2])
+    _distances(pack_scene(robot_name, "circle"), np.ascontiguousarray(q.reshape(len(columns), -1)), columns, out)
+    return out.reshape(points.shape[:-1])
+
+
+def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Generator) -> np.ndarray:
+    """Random configurations.
+
+    Args:
+        robot_name: a row of the table of robots.
+        kind: "uniform" within the limits, or "curled": all joints but the first of one sign, 0.6 to 2.6 rad.
+        rows: how many.
+        rng: source of randomness.
+
+    Returns:
+        Joint positions, shape (rows, n), within the limits.
+
+    Raises:
+        UnknownNameError: if the kind is not known.
+    """
+    if kind not in ("uniform", "curled"):
+        raise UnknownNameError("kind of configurations", kind, ("uniform", "curled"))
+    robot = get_robot(robot_name)
+    lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
+    q = rng.uniform(lower, upper, size=(rows, robot.dof))
+    if kind == "curled":
+        sign = rng.choice([-1.0, 1.0], size=(rows, 1))
+        q[:, 1:] = np.clip(sign * rng.uniform(*CURL, size=(rows, robot.dof - 1)), lower[1:], upper[1:])
+    return q
+
+
+def draw_points(
+    robot_name: str, kind: str, q_r: np.ndarray, k: int, rng: np.random.Generator, clearance: float = 0.05
+) -> np.ndarray:
+    """Random points inside the workspace disc and clear of the robot, for robots with a fixed base.
+
+    Args:
+        robot_name: a row of the table of robots.
+        kind: "uniform" in the disc, or "curled": within 0.35 m of the mean of the robot's vertices.
+        q_r: joint positions, shape (B, n).
+        k: points per configuration.
+        rng: source of randomness.
+        clearance: least distance to the robot, m.
+
+    Returns:
+        Points, shape (B, k, 2), m.
+    """
+    scene, radius = pack_scene(robot_name, "circle"), get_robot(robot_name).workspace_radius
+    points = np.empty((len(q_r), k, 2))
+    for row, q in enumerate(q_r):
+        centre, reach = np.zeros(2), radius
+        if kind == "curled":
+            frames, vertices = np.empty((len(q) + 1, 4)), np.empty_like(scene.robot.vertices)
+            link_frames(scene, q, frames)
+            place_shapes(scene.robot, frames, vertices, np.empty_like(scene.robot.centre))
+            centre, reach = vertices.mean(axis=0), CURLED_REACH
+        kept = np.empty((0, 2))
+        while len(kept) < k:
+            angle, r = rng.uniform(0, 2 * np.pi, k), reach * np.sqrt(rng.uniform(size=k))
+            batch = centre + np.column_stack([r * np.cos(angle), r * np.sin(angle)])  # (k, 2)
+            clear = (robot_distance(robot_name, batch, q) > clearance) & (np.hypot(*batch.T) < radius)
+            kept = np.concatenate([kept, batch[clear]])
+        points[row] = kept[:k]
+    return points

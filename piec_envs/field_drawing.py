@@ -1,0 +1,101 @@
+"""The escape-time field as a picture: heat map, contours and the wall around the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from piec_envs.drawing import draw_workspace, link_outlines, union_patch
+from piec_envs.escape.field import CAGING_SCALE
+from piec_envs.escape.grid import FieldMap
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.world.robots import Robot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+    from matplotlib.image import AxesImage
+
+WALL = "#9aa0ad"
+FIELD_COLOURS = ("#cfd6ea", "#a3a6d3", "#8377b8", "#6a4a9b", "#4c2477", "#2a0f4a")  # caging 0 to FIELD_TOP
+FIELD_TOP = 1.0  # caging at the end of the colour scale
+CONTOURS = 0.1 * np.arange(1, 10)  # caging
+
+
+@dataclass(frozen=True)
+class FieldStyle:
+    """How an escape-time field is drawn.
+
+    Args:
+        speed: its wall, d <= d0, is drawn around the robot.
+        labels: whether contours carry their value.
+        font: size of these labels, points.
+        line: width of the contours, points.
+    """
+
+    speed: SpeedModel = field(default_factory=SpeedModel)
+    labels: bool = True
+    font: float = 7.5
+    line: float = 0.7
+
+
+@cache
+def field_colours() -> Colormap:
+    """The colour map of caging, light for free and dark for enclosed, of even lightness steps."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("caging", FIELD_COLOURS)
+
+
+def draw_field(
+    ax: Axes, robot: Robot, q: np.ndarray, field_map: FieldMap, style: FieldStyle | None = None
+) -> AxesImage:
+    """Draw caging = 0.02 T as a heat map with contours, the wall around the robot and the workspace.
+
+    Args:
+        ax: where to draw.
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+        field_map: the solved configuration.
+        style: wall and labels; None takes the defaults.
+
+    Returns:
+        The image, for a colour bar.
+    """
+    style = style or FieldStyle()
+    x, y = field_map.x, field_map.y
+    caging = _filled(field_map, style.speed)
+    half = 0.5 * (x[1] - x[0])
+    image = ax.imshow(
+        caging,
+        extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
+        origin="lower",
+        interpolation="bilinear",
+        cmap=field_colours(),
+        vmin=0.0,
+        vmax=FIELD_TOP,
+        zorder=1,
+    )
+    circle = draw_workspace(ax, robot, q)
+    image.set_clip_path(circle)
+    lines = ax.contour(x, y, caging, levels=CONTOURS, colors="white", linewidths=style.line, alpha=0.85, zorder=2)
+    lines.set_clip_path(circle)
+    if style.labels:
+        ax.clabel(lines, CONTOURS[1::2], fmt="%.1f", fontsize=style.font, inline_spacing=3, zorder=2.5)
+    wall = [outline for link in link_outlines(robot, q, grow=style.speed.d0) for outline in link]
+    ax.add_artist(union_patch(wall, facecolor=WALL, edgecolor="none", zorder=3))
+    return image
+
+
+def _filled(field_map: FieldMap, speed: SpeedModel) -> np.ndarray:
+    """Caging on the grid, carried on evenly into the wall, which hides it, so that contours run up to it."""
+    wall = field_map.speed <= max(speed.leak, speed.floor) * speed.u_bar * (1 + 1e-9)  # (N, N)
+    caging = CAGING_SCALE * np.where(np.isfinite(field_map.T), field_map.T, FIELD_TOP / CAGING_SCALE)
+    if wall.any():
+        rows, columns = distance_transform_edt(wall, return_distances=False, return_indices=True)
+        caging = caging[rows, columns]
+    return np.minimum(caging, FIELD_TOP)

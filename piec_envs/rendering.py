@@ -1,0 +1,111 @@
+"""Frames of running episodes, drawn in software with Matplotlib's Agg canvas: no GL, no window."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from piec_envs.drawing import (
+    INK,
+    base_position,
+    draw_escape_path,
+    draw_goal,
+    draw_object,
+    draw_reference,
+    draw_robot,
+    draw_trail,
+    draw_workspace,
+)
+from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.escape.field import CAGING_SCALE
+from piec_envs.escape.grid import GridField
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.field_drawing import FieldStyle, draw_field
+from piec_envs.tasks import MEASURES
+from piec_envs.world.objects import get_object
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from piec_envs.core import EpisodeBatch
+
+INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
+RESOLUTION = 100  # nodes a side of the field in a picture
+MARGIN = 1.03  # visible half-width over the workspace radius
+
+
+def new_axis(size: int) -> tuple[Figure, Axes]:
+    """A square figure of `size` pixels and an axis without frame that fills it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure((INCHES, INCHES), dpi=size / INCHES, facecolor="white")
+    FigureCanvasAgg(figure)
+    ax = figure.add_axes((0, 0, 1, 1))
+    ax.set_axis_off()
+    ax.set_aspect("equal")
+    return figure, ax
+
+
+def pixels(figure: Figure) -> np.ndarray:
+    """Draw a figure, shape (height, width, 3), uint8."""
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
+
+
+@cache
+def picture_field(robot_name: str, speed: SpeedModel) -> GridField:
+    """The grid field that pictures show, whatever field the episode itself is measured by."""
+    return GridField(robot_name, RESOLUTION, "marching", speed, threads=1)
+
+
+def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None, size: int = 720) -> np.ndarray:
+    """Draw the present state of one episode.
+
+    Args:
+        batch: the episodes.
+        row: which of them.
+        trail: where its object has been, shape (m, 2), m.
+        size: height and width, pixels.
+
+    Returns:
+        The picture, shape (size, size, 3), uint8; the same for the same state.
+    """
+    figure, ax = new_axis(size)
+    q, pose = batch.state.q_r[row], batch.state.pose[row]
+    if batch.field is None:
+        draw_workspace(ax, batch.robot, q)
+    else:
+        speed = getattr(batch.field, "speed", SpeedModel())
+        grid = picture_field(batch.robot.name, speed)
+        draw_field(ax, batch.robot, q, grid.solve(q), FieldStyle(speed))
+        draw_escape_path(ax, grid.escape_path(pose[:2], q))
+    if batch.tracking:
+        draw_reference(ax, batch.task.reference)
+    if trail is not None and len(trail) > 1:
+        draw_trail(ax, trail)
+    draw_goal(ax, batch.task.goal)
+    draw_robot(ax, batch.robot, q, batch.contact[row])
+    draw_object(ax, get_object(batch.state.params[row].object), pose)
+    _caption(ax, batch, row)
+    _look_at(ax, base_position(batch.robot, q), MARGIN * batch.robot.workspace_radius)
+    return pixels(figure)
+
+
+def _caption(ax: Axes, batch: EpisodeBatch, row: int) -> None:
+    """Time, caging and distance to the goal region in the upper left corner."""
+    time = CONTROL_PERIOD * int(batch.state.step[row])
+    distance = batch.measures[row, MEASURES.index("d2g")]
+    lines = [f"t = {time:.1f} s", f"d2g = {distance:.3f} m"]
+    if batch.field is not None:
+        lines.insert(1, f"caging = {CAGING_SCALE * batch.state.escape_time[row]:.2f}")
+    style: dict[str, Any] = {"transform": ax.transAxes, "color": INK, "va": "top", "linespacing": 1.35}
+    ax.text(0.015, 0.985, "\n".join(lines), fontsize=11, **style)
+
+
+def _look_at(ax: Axes, centre: np.ndarray, half: float) -> None:
+    ax.set_xlim(centre[0] - half, centre[0] + half)
+    ax.set_ylim(centre[1] - half, centre[1] + half)

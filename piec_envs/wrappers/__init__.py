@@ -1,0 +1,33 @@
+"""Wrappers that change the plant under a policy, single and vector.
+
+They hold no physics: each calls `set_params`, the one mechanism behind the keyword arguments and
+`reset(options={"params": ...})` too.
+"""
+
+from piec_envs.wrappers.mismatch import (
+    MISMATCHES,
+    AdversarialEscape,
+    FrictionMismatch,
+    Mismatch,
+    RandomDisturbance,
+    ShapeMismatch,
+    VectorAdversarialEscape,
+    VectorFrictionMismatch,
+    VectorMismatch,
+    VectorRandomDisturbance,
+    VectorShapeMismatch,
+)
+
+__all__ = [
+    "MISMATCHES",
+    "AdversarialEscape",
+    "FrictionMismatch",
+    "Mismatch",
+    "RandomDisturbance",
+    "ShapeMismatch",
+    "VectorAdversarialEscape",
+    "VectorFrictionMismatch",
+    "VectorMismatch",
+    "VectorRandomDisturbance",
+    "VectorShapeMismatch",
+]

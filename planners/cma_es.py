@@ -1,0 +1,229 @@
+"""CMA-ES over via points, all restarts and candidates in one batched rollout (paper, appendix A.2.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import cma
+import gymnasium as gym
+import numpy as np
+from tqdm import tqdm
+
+from piec_envs.core import EpisodeBatch
+from piec_envs.env import PlanarArmEnv
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.escape.field import make_field
+from piec_envs.state import State
+from piec_envs.tasks import MEASURES
+from planners.base import Plan
+from planners.configuration import enclosing_posture
+from planners.objectives import Objective, PathCost, get_objective
+from planners.via_points import ViaPointTrajectory
+
+STARTS = ("rest", "enclose")
+
+
+@dataclass(frozen=True)
+class CmaEsPlanner:
+    """Plans a joint path by CMA-ES over via points.
+
+    Args:
+        objective: row of the table of objectives.
+        preset: "default" or "paper": weights of the stage cost.
+        population: trajectories in each iteration of one search.
+        iterations: iterations of a search on the nominal model.
+        restarts: searches that begin side by side; the best plan is taken.
+        screening: iterations after which only ...
+        survivors: ... this many of the searches go on.
+        via_points: number of via points.
+        sigma: first step size, rad or m.
+        start: first guess: "rest" stays at the start configuration, "enclose" moves to a posture
+            that encloses the object at the goal, curled one way and the other in turn.
+        arrive: share of the horizon after which the first guess has reached that posture.
+        escape_every: k: the field is evaluated on every k-th step of a rollout.
+        field_resolution: nodes along each side of the field's grid.
+        robust_iterations: further iterations from the best result, with the task term averaged over ...
+        robust_samples: ... this many disturbed rollouts of the planner's own.
+        robust_disturbance: their sigma for each axis, m.
+        robust_sigma: first step size of these iterations, rad or m.
+    """
+
+    objective: str = "caging"
+    preset: str = "default"
+    population: int = 50
+    iterations: int = 100
+    restarts: int = 6
+    screening: int = 15
+    survivors: int = 2
+    via_points: int = 5
+    sigma: float = 0.2
+    start: str = "enclose"
+    arrive: float = 0.6
+    escape_every: int = 40
+    field_resolution: int = 64
+    robust_iterations: int = 40
+    robust_samples: int = 4
+    robust_disturbance: float = 0.005
+    robust_sigma: float = 0.06
+
+    def __post_init__(self):
+        get_objective(self.objective)
+        if self.start not in STARTS:
+            raise UnknownNameError("start", self.start, STARTS)
+        for name in ("population", "iterations", "restarts", "via_points", "escape_every"):
+            if getattr(self, name) < 1:
+                raise InvalidParameterError(f"{name} must be at least 1, got {getattr(self, name)}")
+
+    def plan(self, env_id: str, seed: int = 0, progress: bool = True, **env_kwargs: Any) -> Plan:
+        """Plan for an environment.
+
+        Args:
+            env_id: id of the environment.
+            seed: of all randomness.
+            progress: whether to show a progress bar.
+            env_kwargs: keyword arguments of the nominal model; the planner never sees the plant.
+
+        Returns:
+            The best plan by re-simulated cost.
+        """
+        nominal = self._nominal_kwargs(env_kwargs)
+        env = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
+        if not isinstance(env, PlanarArmEnv):
+            raise InvalidParameterError(f"{env_id!r} is no environment of this suite")
+        env.reset(seed=seed)
+        search = _Search(self, env.batch, env.get_state(), seed)
+        total = self.iterations + self.robust_iterations + 1
+        with tqdm(total=total, desc=f"planning {self.objective}", disable=not progress, leave=False) as bar:
+            search.run(bar)
+        return search.best_plan(env_id, nominal)
+
+    def _nominal_kwargs(self, env_kwargs: dict[str, Any]) -> dict[str, Any]:
+        """Keyword arguments of the nominal model with this objective."""
+        objective: Objective = get_objective(self.objective)
+        own = {"prior": objective.prior, "preset": self.preset, "adversary": objective.adversary}
+        if objective.escape_field:
+            own["escape_field"] = {"name": "grid", "resolution": self.field_resolution}
+            own["escape_every"] = self.escape_every
+        else:
+            own["escape_field"] = None
+        return {**own, **env_kwargs}
+
+
+@dataclass
+class _Search:
+    """One run of the planner."""
+
+    planner: CmaEsPlanner
+    batch: EpisodeBatch
+    start: State
+    seed: int
+    found: list[tuple[float, np.ndarray]] = field(default_factory=list)  # (cost, via points) per restart
+
+    def __post_init__(self):
+        self.trajectory = ViaPointTrajectory(self.planner.via_points, self.batch.task.horizon)
+        self.lower = self.batch.robot.joint_array("lower")
+        self.upper = self.batch.robot.joint_array("upper")
+        self.cost = PathCost(self.batch, self.start)
+        self.samples = self._samples()
+
+    def run(self, bar: tqdm) -> None:
+        """Search on the nominal model, then polish the best result under noise."""
+        planner = self.planner
+        searches = [
+            self._strategy(self._first_guess(i), planner.sigma, self.seed * 1000 + i) for i in range(planner.restarts)
+        ]
+        bar.update()
+        screening = min(planner.screening, planner.iterations) if planner.restarts > planner.survivors else 0
+        found = self._iterate(searches, screening, self.cost.nominal, bar)
+        kept = sorted(range(len(searches)), key=lambda i: found[i][0])[: planner.survivors]
+        best = self._iterate([searches[i] for i in kept], planner.iterations - screening, self.cost.nominal, bar)
+        self.found = [min(found[i], result, key=lambda pair: pair[0]) for i, result in zip(kept, best, strict=True)]
+        if planner.robust_iterations:
+            self._polish(bar)
+
+    def _polish(self, bar: tqdm) -> None:
+        planner = self.planner
+        via = np.array([self._limit(x) for _, x in self.found])
+        costs = self._final_cost(self._paths(via))
+        strategy = self._strategy(via[int(np.argmin(costs))], planner.robust_sigma, self.seed * 1000 + 500)
+        self.found += self._iterate([strategy], planner.robust_iterations, self._final_cost, bar)
+
+    def _final_cost(self, paths: np.ndarray) -> np.ndarray:
+        """What the best plan is chosen by."""
+        if self.planner.robust_iterations:
+            return self.cost.disturbed(paths, self.samples)
+        return self.cost.nominal(paths)
+
+    def _iterate(self, strategies, iterations: int, cost, bar: tqdm) -> list:
+        """Ask and tell all strategies in step; returns each one's best (cost, via points)."""
+        best: list[tuple[float, np.ndarray]] = [(np.inf, np.zeros(0))] * len(strategies)
+        size = self.planner.population
+        for _ in range(iterations):
+            asked = [strategy.ask() for strategy in strategies]
+            via = np.array([self._limit(x) for candidates in asked for x in candidates])
+            costs = cost(self._paths(via))
+            for i, (strategy, candidates) in enumerate(zip(strategies, asked, strict=True)):
+                values = costs[i * size : (i + 1) * size]
+                strategy.tell(candidates, values.tolist())
+                least = int(np.argmin(values))
+                if values[least] < best[i][0]:
+                    best[i] = (float(values[least]), np.asarray(candidates[least]))
+            bar.update()
+            bar.set_postfix(cost=f"{min(cost for cost, _ in best):.4g}")
+        return best
+
+    def _strategy(self, via: np.ndarray, sigma: float, seed: int) -> cma.CMAEvolutionStrategy:
+        options = {"popsize": self.planner.population, "seed": seed + 1, "verbose": -9}
+        return cma.CMAEvolutionStrategy(via.ravel(), sigma, options)
+
+    def _first_guess(self, restart: int) -> np.ndarray:
+        """Via points to start from, shape (points, n)."""
+        home, points = self.start.q_r[0], self.planner.via_points
+        if self.planner.start == "rest":
+            return np.repeat(home[None], points, axis=0)
+        escape = self.batch.field or make_field("grid", self.batch.robot.name, resolution=self.planner.field_resolution)
+        pose = np.append(self.batch.task.goal, 0.0)
+        posture = enclosing_posture(self.batch, escape, pose, self.seed * 1000 + restart, curl=(-1.0) ** restart)
+        return home + np.minimum(1.0, np.linspace(0, 1, points + 1)[1:, None] / self.planner.arrive) * (posture - home)
+
+    def _limit(self, x) -> np.ndarray:
+        """Candidate as via points within the joint limits, shape (points, n)."""
+        return np.clip(np.asarray(x).reshape(self.planner.via_points, -1), self.lower, self.upper)
+
+    def _paths(self, via: np.ndarray) -> np.ndarray:
+        return np.clip(self.trajectory.path(self.start.q_r[0], via), self.lower, self.upper)
+
+    def _samples(self) -> State:
+        """The start under the planner's own disturbances."""
+        count = self.planner.robust_samples
+        samples = self.start.take(np.zeros(count, dtype=int))
+        samples.params = [p.replace({"disturbance": self.planner.robust_disturbance}) for p in samples.params]
+        samples.seed = np.random.default_rng([self.seed, 7]).integers(2**62, size=count)
+        return samples
+
+    def best_plan(self, env_id: str, nominal: dict[str, Any]) -> Plan:
+        """Re-simulate the realised path of each result and keep the cheapest."""
+        plans = [self._make_plan(env_id, nominal, self._limit(x)) for _, x in self.found]
+        return min(plans, key=lambda plan: plan.cost)
+
+    def _make_plan(self, env_id: str, nominal: dict[str, Any], via: np.ndarray) -> Plan:
+        realised = self.batch.rollout(self.start, self._paths(via[None]), absolute=True).motion.q_r  # (1, N + 1, n)
+        cost = float(self._final_cost(realised[:, 1:])[0])
+        rollout = self.batch.rollout(self.start, realised[:, 1:], absolute=True)
+        measured = {name: float(rollout.column(name)[0, -1]) for name in ("goal_distance", "d2g")}
+        terms = {f"sum_{n}": float(rollout.column(n)[0, 1:].sum()) for n in MEASURES if n.startswith("cost_")}
+        return Plan(
+            env_id=env_id,
+            robot=self.batch.robot.name,
+            joints=tuple(joint.name for joint in self.batch.robot.joints),
+            horizon=self.batch.task.horizon,
+            env_kwargs=nominal,
+            path=realised[0],
+            via_points=via,
+            objective=self.planner.objective,
+            preset=self.planner.preset,
+            seed=self.seed,
+            cost=cost,
+            nominal={**measured, **terms},
+        )

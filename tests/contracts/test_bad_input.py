@@ -1,0 +1,111 @@
+"""Bad input gets an exception that says what was given and what would be valid."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from piec_envs.errors import InvalidActionError, InvalidParameterError, InvalidStateError, PiecError, UnknownNameError
+
+PUSH = "piec_envs/PlanarArmPush-v0"
+
+
+@pytest.mark.parametrize(
+    ("choice", "error", "message"),
+    [
+        ({"object": "circel"}, UnknownNameError, "circle, hexagon, octagon, square"),
+        ({"dynamics": "real"}, UnknownNameError, "quasi_dynamic"),
+        ({"solver": "slow"}, UnknownNameError, "fast, osqp"),
+        ({"escape_field": "gird"}, UnknownNameError, "grid"),
+        ({"prior": "love"}, UnknownNameError, "caging, contact, proximity"),
+        ({"preset": "journal"}, UnknownNameError, "default, paper"),
+        ({"weights": {"tasks": 1}}, UnknownNameError, "task"),
+        ({"disturbance_kind": "uniform"}, UnknownNameError, "direction, gaussian"),
+        ({"noise_entry": "pose"}, UnknownNameError, "qp, state"),
+        ({"goal_conditioned": "yes"}, UnknownNameError, "dense"),
+        ({"dtype": "float16"}, UnknownNameError, "float64"),
+        ({"render_mode": "ansi"}, UnknownNameError, "rgb_array"),
+        ({"colour": "red"}, UnknownNameError, "object"),
+        ({"goal": (1.2, 1.2)}, InvalidParameterError, "within 1.4 m"),
+        ({"goal": (np.nan, 0.0)}, InvalidParameterError, "within 1.4 m"),
+        ({"goal": (0.1, 0.2, 0.3)}, InvalidParameterError, "goal"),
+        ({"friction": -0.1}, InvalidParameterError, "friction"),
+        ({"disturbance": -0.001}, InvalidParameterError, "disturbance"),
+        ({"disturbance": np.nan}, InvalidParameterError, "disturbance"),
+        ({"friction": "high"}, InvalidParameterError, "friction"),
+        ({"start_noise": (0.01,)}, InvalidParameterError, "start_noise"),
+        ({"start_noise": (-0.01, 0.0)}, InvalidParameterError, "start_noise"),
+        ({"escape_every": 0}, InvalidParameterError, "escape_every"),
+        ({"escape_field": None, "prior": "caging"}, InvalidParameterError, "escape field"),
+        ({"escape_field": None, "adversary": 1.0}, InvalidParameterError, "escape field"),
+        ({"randomize": {"friction": [0.8, 0.2]}}, InvalidParameterError, "range"),
+        ({"randomize": {"friction": 0.5}}, InvalidParameterError, "range"),
+        ({"randomize": {"colour": ["red"]}}, UnknownNameError, "friction"),
+        ({"randomize": {"object": ["cube"]}}, UnknownNameError, "square"),
+        ({"escape_field": {"name": "grid", "resolution": -3}}, PiecError, "resolution"),
+        ({"escape_field": {"name": "grid", "size": 3}}, PiecError, "size"),
+    ],
+    ids=str,
+)
+def test_bad_keyword_arguments(choice, error, message):
+    for make in (gym.make, gym.make_vec):
+        with pytest.raises(error, match=message):
+            make(PUSH, **choice)
+
+
+@pytest.mark.parametrize(
+    "action", [np.full(4, np.nan), np.array([0, np.inf, 0, 0]), np.zeros(3), np.zeros((1, 4)), np.zeros(0)], ids=str
+)
+def test_bad_actions(action):
+    env = gym.make(PUSH, escape_field=None, disable_env_checker=True).unwrapped
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(InvalidActionError):
+        env.step(action)
+    np.testing.assert_array_equal(env.get_state().pose, before.pose)  # nothing half-done
+
+
+@pytest.mark.parametrize(
+    ("state", "error", "message"),
+    [
+        ({"pose": [0.5, 0.0, 0.0]}, InvalidStateError, "overlaps the robot by 125.0 mm"),
+        ({"pose": [0.5, 0.5]}, InvalidStateError, "shape"),
+        ({"pose": [0.5, np.nan, 0.0]}, InvalidStateError, "finite"),
+        ({"q_r": [0.0, 3.0, 0.0, 0.0]}, InvalidStateError, "joint limits"),
+        ({"q_r": [0.0, 0.0]}, InvalidStateError, "shape"),
+        ({"velocity": [0.0]}, UnknownNameError, "q_r"),
+    ],
+)
+def test_bad_states(state, error, message):
+    env = gym.make(PUSH, escape_field=None).unwrapped
+    with pytest.raises(error, match=message):
+        env.reset(seed=0, options={"state": state})
+
+
+def test_bad_reset_options():
+    env = gym.make(PUSH, escape_field=None).unwrapped
+    with pytest.raises(UnknownNameError, match="params, state"):
+        env.reset(options={"param": {}})
+    with pytest.raises(UnknownNameError, match="friction"):
+        env.reset(options={"params": {"mu": 0.3}})
+    with pytest.raises(InvalidParameterError, match="friction"):
+        env.reset(options={"params": {"friction": -1}})
+    with pytest.raises(InvalidParameterError, match="one row"):
+        env.set_state("state")
+    with pytest.raises(InvalidParameterError, match="either path or controls"):
+        env.rollout(env.get_state())
+
+
+def test_bad_vector_arguments():
+    with pytest.raises(InvalidParameterError, match="num_envs"):
+        gym.make_vec(PUSH, num_envs=0)
+    envs = gym.make_vec(PUSH, num_envs=2, escape_field=None)
+    with pytest.raises(InvalidParameterError, match="seed"):
+        envs.reset(seed=[1, 2, 3])
+    envs.reset(seed=0)
+    for mask in ([True, False], np.zeros(2, dtype=bool), np.ones(3, dtype=bool)):
+        with pytest.raises(InvalidParameterError, match="reset_mask"):
+            envs.reset(options={"reset_mask": mask})
+    with pytest.raises(InvalidActionError, match="shape"):
+        envs.step(np.zeros((3, 4)))

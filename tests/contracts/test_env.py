@@ -1,0 +1,259 @@
+"""Contracts of every registered environment, single and vector."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+
+from piec_envs.registration import ENVS
+from piec_envs.world.objects import OBJECTS
+
+CHOICES = [
+    {},
+    {"escape_field": None},
+    {"escape_field": None, "prior": "contact"},
+    {"escape_field": {"name": "grid", "resolution": 48, "method": "marching"}, "escape_every": 7},
+    {"solver": "osqp", "escape_field": None},
+    {"prior": "proximity", "preset": "paper"},
+    {"prior": None, "dtype": "float32"},
+    {"disturbance": 0.005, "start_noise": (0.01, 0.05)},
+    {"disturbance": 0.003, "disturbance_kind": "direction", "noise_entry": "state"},
+    {"adversary": 1.0},
+    {"goal_conditioned": True},
+    {"goal_conditioned": "dense", "dtype": "float32"},
+    {"goal": (-0.2, 0.45), "weights": {"task": 500.0}},
+    {"friction": 0.0, "threads": 1},
+    {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"], "disturbance": [0.0, 0.005]}},
+    *({"object": name, "escape_every": 50} for name in OBJECTS),
+]
+NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
+
+
+def same(a, b) -> bool:
+    """Equal to the last bit, through dicts."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
+    return np.array_equal(a, b)
+
+
+def row_of(value, i):
+    return {k: row_of(v, i) for k, v in value.items() if not k.startswith("_")} if isinstance(value, dict) else value[i]
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+@pytest.mark.parametrize("choice", CHOICES, ids=str)
+def test_check_env(env_id, choice):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", category=PendingDeprecationWarning, module="osqp")
+        check_env(gym.make(env_id, **choice).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+def test_check_env_renders(env_id):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(env_id, render_mode="rgb_array").unwrapped)
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+@pytest.mark.parametrize(
+    "choice", [{}, NOISY, {"goal_conditioned": True, **NOISY}, {"randomize": {"friction": [0.1, 0.9]}}], ids=str
+)
+def test_vector_row_equals_single_env(env_id, choice):
+    envs = gym.make_vec(env_id, num_envs=3, **choice)
+    singles = [gym.make(env_id, **choice) for _ in range(3)]
+    observation, info = envs.reset(seed=5)
+    for i, env in enumerate(singles):
+        one, one_info = env.reset(seed=5 + i)
+        assert same(row_of(observation, i), one) and same(row_of(info, i), one_info)
+    rng = np.random.default_rng(0)
+    for t in range(45):
+        actions = rng.uniform(-1, 1, (3, 4))
+        observation, reward, terminated, truncated, info = envs.step(actions)
+        for i, env in enumerate(singles):
+            one, one_reward, one_terminated, one_truncated, one_info = env.step(actions[i])
+            assert same(row_of(observation, i), one) and same(row_of(info, i), one_info), t
+            assert (reward[i], terminated[i], truncated[i]) == (one_reward, one_terminated, one_truncated)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_autoreset_equals_sync_vector_env(mode):
+    """The native VectorEnv against Gymnasium's own, episodes of 12 steps, infos included."""
+    env_id, choice = "piec_envs/PlanarArmPush-v0", {**NOISY, "escape_every": 5}
+    native = gym.make_vec(env_id, num_envs=2, max_episode_steps=12, autoreset_mode=mode, **choice)
+    plain = gym.make_vec(
+        env_id, num_envs=2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, max_episode_steps=12,
+        **choice,
+    )  # fmt: skip
+    assert native.metadata["autoreset_mode"] == mode
+    a, b = native.reset(seed=3), plain.reset(seed=3)
+    assert same(a[0], b[0]) and same(a[1], b[1])
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        actions = rng.uniform(-1, 1, (2, 4))
+        a, b = native.step(actions), plain.step(actions)
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x, y)
+        assert a[4].keys() == b[4].keys()
+        for key in a[4]:
+            if key == "final_obs":
+                assert all(same(x, y) for x, y in zip(a[4][key], b[4][key], strict=True) if x is not None)
+            else:
+                assert same(a[4][key], b[4][key]), key
+        if mode == AutoresetMode.DISABLED and a[3].any():
+            a, b = native.reset(options={"reset_mask": a[3]}), plain.reset(options={"reset_mask": a[3].copy()})
+            assert same(a[0], b[0]) and same(a[1], b[1])
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+def test_reset_is_reproducible(env_id):
+    def episode(env, seed):
+        observation, _ = env.reset(seed=seed)
+        steps = [env.step(action)[0] for action in actions]
+        return [observation, *steps]
+
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 4))
+    env = gym.make(env_id, **NOISY)
+    first, unseeded = episode(env, 7), episode(env, None)
+    again, unseeded_again = episode(env, 7), episode(env, None)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(unseeded, unseeded_again)
+    assert not np.array_equal(first, unseeded)
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+def test_state_restores_everything(env_id):
+    env = gym.make(env_id, **NOISY).unwrapped
+    env.reset(seed=1)
+    actions = np.random.default_rng(2).uniform(-1, 1, (60, 4))
+    for action in actions[:25]:
+        env.step(action)
+    state = env.get_state()
+    expected = [env.step(action) for action in actions[25:]]
+    other = gym.make(env_id, **NOISY).unwrapped
+    other.reset(seed=99)
+    for restore in (env.set_state, other.set_state, lambda s: other.reset(options={"state": s})):
+        restore(state)
+        continued = [(env if restore == env.set_state else other).step(action) for action in actions[25:]]
+        for a, b in zip(expected, continued, strict=True):
+            assert same(a[0], b[0]) and a[1] == b[1] and same(a[4], b[4])
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+@pytest.mark.parametrize("choice", [NOISY, {"escape_field": None}], ids=str)
+def test_rollout_equals_stepping(env_id, choice):
+    env = gym.make(env_id, **choice).unwrapped
+    env.reset(seed=3)
+    for _ in range(13):  # a rollout may begin between two refreshes of the field
+        env.step(np.full(4, 0.5))
+    state = env.get_state()
+    controls = np.random.default_rng(0).uniform(-1, 1, (2, 40, 4))
+    rollout = env.rollout(state, controls=controls)
+    path = env.rollout(state, path=state.q_r[:, None] + np.linspace(0, 0.3, 40)[None, :, None] * np.ones(4))
+    followed = env.rollout(state, controls=path.motion.actions)
+    np.testing.assert_array_equal(followed.motion.pose, path.motion.pose)
+    for i in range(2):
+        env.set_state(state)
+        for t in range(40):
+            _, reward, _, _, info = env.step(controls[i, t])
+            now = env.get_state()
+            np.testing.assert_array_equal(now.pose[0], rollout.motion.pose[i, t + 1])
+            np.testing.assert_array_equal(now.q_r[0], rollout.motion.q_r[i, t + 1])
+            assert now.escape_time[0] == rollout.escape_time[i, t + 1]
+            assert reward == -1e-3 * rollout.column("cost")[i, t + 1]
+            assert info["goal_distance"] == rollout.column("goal_distance")[i, t + 1]
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+def test_spec_round_trip(env_id):
+    env = gym.make(env_id, **NOISY, goal=(-0.2, 0.4))
+    spec = gym.envs.registration.EnvSpec.from_json(env.spec.to_json())
+    again = gym.make(spec)
+    assert same(env.reset(seed=0)[0], again.reset(seed=0)[0])
+    assert again.unwrapped.config == env.unwrapped.config
+
+
+def test_async_vector_env_works_after_a_batched_call():
+    """A forked child must not wait for the threads of its parent."""
+    env_id = "piec_envs/PlanarArmPush-v0"
+    native = gym.make_vec(env_id, num_envs=256)
+    native.reset(seed=0)
+    native.step(native.action_space.sample())
+    forked = gym.make_vec(
+        env_id, num_envs=2, vectorization_mode="async", vector_kwargs={"context": "fork", "shared_memory": False}
+    )
+    observation, _ = forked.reset(seed=0)
+    assert observation.shape == (2, 23)
+    stepped = forked.step(np.ones((2, 4)))[0]
+    forked.close()
+    here = gym.make_vec(env_id, num_envs=2)
+    here.reset(seed=0)
+    np.testing.assert_array_equal(stepped, here.step(np.ones((2, 4)))[0])
+
+
+def test_noise_pairs_with_the_same_start():
+    """Runs with and without disturbance begin at the same drawn start."""
+    starts = [
+        gym.make("piec_envs/PlanarArmPush-v0", start_noise=(0.01, 0.05), disturbance=sigma).reset(seed=4)[0]
+        for sigma in (0.0, 0.005)
+    ]
+    np.testing.assert_array_equal(*starts)
+
+
+@pytest.mark.parametrize("kind", ["gaussian", "direction"])
+def test_disturbance_has_the_stated_size(kind):
+    """A free object moves by exactly its disturbance."""
+    env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None, disturbance=0.004, disturbance_kind=kind).unwrapped
+    env.reset(seed=0, options={"state": {"pose": [-0.7, -0.7, 0.0]}})
+    motion = env.rollout(env.get_state(), controls=np.zeros((1, 1000, 4))).motion
+    steps = np.diff(motion.pose[0, :, :2], axis=0)
+    if kind == "direction":
+        np.testing.assert_allclose(np.linalg.norm(steps, axis=1), 0.004, rtol=1e-9)
+    else:
+        np.testing.assert_allclose(steps.std(axis=0), 0.004, rtol=0.08)
+
+
+def test_adversary_flees_down_the_escape_time():
+    env = gym.make("piec_envs/PlanarArmPush-v0", adversary=1.0, escape_every=1).unwrapped
+    _, info = env.reset(seed=0, options={"state": {"q_r": [2.5, 0.5, 0.5, 0.5], "pose": [0.5, -0.3, 0.0]}})
+    times, before = [info["escape_time"]], env.get_state().pose[0]
+    for _ in range(60):
+        times.append(env.step(np.zeros(4))[4]["escape_time"])
+    moved = np.linalg.norm(env.get_state().pose[0, :2] - before[:2])
+    assert moved == pytest.approx(60 * 0.1 * 0.05, rel=1e-2)
+    np.testing.assert_allclose(np.diff(times), -0.1, atol=0.03)  # a second each second
+
+
+def test_compute_reward_is_vectorised_and_equals_the_step():
+    for mode in (True, "dense"):
+        env = gym.make("piec_envs/PlanarArmPush-v0", goal_conditioned=mode, escape_field=None).unwrapped
+        env.reset(seed=0)
+        observation, reward, *_ = env.step(np.ones(4))
+        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
+        assert env.compute_reward(achieved, desired, {}) == reward
+        many = env.compute_reward(np.stack([achieved, desired]), np.stack([desired, desired]), None)
+        np.testing.assert_array_equal(many, [reward, 0.0])
+
+
+def test_tracking_success_needs_the_path_and_its_end():
+    env = gym.make("piec_envs/PlanarArmTrack-v0", escape_field=None).unwrapped
+    goal = [*env.batch.task.goal, 0.0]
+    env.reset(seed=0, options={"state": {"q_r": [-1.0, 0, 0, 0], "pose": goal}})
+    info = env.step(np.zeros(4))[4]
+    assert info["d2g"] == 0 and not info["is_success"]  # it waits at the end instead of following
+    assert info["tracking_error"] > 0.5
+
+
+def test_shape_mismatch_moves_an_overlapping_start():
+    """The true object is larger than the planned one: the start gives way by at most 20 mm."""
+    env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None).unwrapped
+    sampler = env.batch._start
+    pose = sampler._least_overlap("square", np.array([0.6, 0.13, 0.4]))
+    assert np.linalg.norm(pose[:2] - [0.6, 0.13]) <= 0.02 + 1e-12
+    assert sampler._overlap("square", env.batch.robot.home, pose) <= 0

@@ -1,0 +1,75 @@
+"""Wrappers, keyword arguments and reset options are one mechanism."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.wrappers import MISMATCHES, FrictionMismatch, Mismatch, VectorMismatch
+
+PUSH = "piec_envs/PlanarArmPush-v0"
+VALUES = {
+    "disturbance": 0.004,
+    "disturbance_kind": "direction",
+    "adversary": 0.5,
+    "friction": 0.1,
+    "object": "hexagon",
+}
+
+
+def outcome(env, options=None):
+    observation, info = env.reset(seed=2, options=options)
+    steps = [env.step(np.ones(env.action_space.shape)) for _ in range(25)]
+    return [observation, *[step[0] for step in steps]], info["params"]
+
+
+@pytest.mark.parametrize("wrapper", MISMATCHES)
+def test_three_ways_are_one(wrapper):
+    params = {name: VALUES[name] for name in wrapper.names}
+    wrapped, seen = outcome(wrapper(gym.make(PUSH), **params))
+    by_keyword, _ = outcome(gym.make(PUSH, **params))
+    by_option, _ = outcome(gym.make(PUSH), {"params": params})
+    np.testing.assert_array_equal(wrapped, by_keyword)
+    np.testing.assert_array_equal(wrapped, by_option)
+    assert {name: seen[name] for name in params} == params
+
+
+@pytest.mark.parametrize("wrapper", MISMATCHES)
+def test_vector_twin_changes_every_row_and_keeps_the_change(wrapper):
+    params = {name: VALUES[name] for name in wrapper.names}
+    envs = MISMATCHES[wrapper](gym.make_vec(PUSH, num_envs=2, max_episode_steps=3), **params)
+    _, info = envs.reset(seed=2)
+    for _ in range(6):  # through an autoreset
+        for name, value in params.items():
+            assert (info["params"][name] == value).all()
+        *_, info = envs.step(np.zeros((2, 4)))
+
+
+def test_wrappers_stand_in_the_spec():
+    env = Mismatch(FrictionMismatch(gym.make(PUSH), friction=0.3), disturbance=0.001)
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    params = again.reset(seed=0)[1]["params"]
+    assert (params["friction"], params["disturbance"]) == (0.3, 0.001)
+
+
+def test_bad_parameters_are_refused_at_once():
+    env = gym.make(PUSH, escape_field=None)
+    with pytest.raises(UnknownNameError, match="friction"):
+        FrictionMismatch(env, mu=0.3)
+    with pytest.raises(UnknownNameError, match="plant parameter"):
+        Mismatch(env, colour="red")
+    with pytest.raises(InvalidParameterError, match="friction"):
+        Mismatch(env, friction=-1.0)
+    with pytest.raises(InvalidParameterError, match="adversary"):
+        VectorMismatch(gym.make_vec(PUSH, num_envs=1, escape_field=None), adversary=1.0)
+
+
+def test_randomize_draws_from_the_seed_and_reports():
+    choice = {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"]}, "escape_field": None}
+    envs = gym.make_vec(PUSH, num_envs=40, **choice)
+    first, second = envs.reset(seed=1)[1]["params"], envs.reset(seed=1)[1]["params"]
+    np.testing.assert_array_equal(first["friction"], second["friction"])
+    assert 0.2 <= first["friction"].min() < 0.3 and 0.7 < first["friction"].max() <= 0.8
+    assert set(first["object"]) == {"circle", "square"}

@@ -1,0 +1,157 @@
+"""Laws of the quasi-dynamic model, and the compiled solver against OSQP."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Plant
+from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, dual_matrix, solve_dual, solve_osqp
+from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
+from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.dynamics.reference import assemble_problem
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.world.objects import OBJECTS
+from piec_envs.world.robots import get_robot
+from piec_envs.world.scene import pack_scene
+
+ROBOT = get_robot("planar_arm")
+
+
+def solve_fast(problem: ContactProblem) -> ContactSolution:
+    """The compiled active-set solver on a problem object."""
+    m = len(problem.gap)
+    G, multipliers = np.empty((m, m)), np.zeros(m)
+    value = problem.rows @ problem.free + problem.gap
+    if m:
+        dual_matrix(problem.rows, m, problem.weight, problem.compliance, G)
+        scratch = np.empty(m, dtype=np.int64), np.empty((m, m)), np.empty(m)
+        solve_dual(G, value, m, multipliers, *scratch)
+    return ContactSolution(problem.free + problem.rows.T @ multipliers / problem.weight, multipliers)
+
+
+@pytest.mark.parametrize("object_name", OBJECTS)
+def test_fast_equals_osqp(object_name, random_motion):
+    motion = random_motion(object_name, seed=1)
+    scene, model = pack_scene("planar_arm", object_name), ContactModel()
+    active = motion.active[:, 1:]
+    picked = np.concatenate([np.argwhere(active == k)[::37][:8] for k in range(7)])
+    assert (active[tuple(picked.T)] >= 3).sum() >= 20
+    for i, t in picked:
+        state = motion.q_r[i, t], motion.q_cmd[i, t + 1], motion.pose[i, t]
+        problem = assemble_problem(scene, model, 0.5, *state, np.zeros(2))
+        fast, reference = solve_fast(problem), solve_osqp(problem)
+        np.testing.assert_allclose(fast.step, reference.step, atol=1e-9)
+        assert problem.residual(fast) < 1e-12
+        taken = np.concatenate([motion.q_r[i, t + 1] - motion.q_r[i, t], motion.pose[i, t + 1] - motion.pose[i, t]])
+        np.testing.assert_allclose(taken, fast.step, atol=1e-12)
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_fast_satisfies_kkt_on_any_problem(data):
+    d, m = 7, data.draw(st.integers(1, 16))
+    entries = st.floats(-1, 1).map(lambda v: round(v, 3))
+    rows = data.draw(hnp.arrays(float, (m, d), elements=entries))
+    gap = data.draw(hnp.arrays(float, m, elements=st.floats(-0.01, 0.01).map(lambda v: round(v, 5))))
+    free = data.draw(hnp.arrays(float, d, elements=st.floats(-0.02, 0.02).map(lambda v: round(v, 5))))
+    weight = np.array([500.0] * 4 + [100.0, 100.0, 42.0])
+    rows[np.abs(rows).sum(axis=1) < 0.1] = 0.5  # a contact row is never zero
+    problem = ContactProblem(weight, free, rows, gap, 1e-4)
+    assert problem.residual(solve_fast(problem)) < 1e-9
+
+
+def test_rollout_with_osqp_equals_fast(random_motion):
+    fast = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003)
+    reference = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003, solver="osqp")
+    np.testing.assert_allclose(fast.pose, reference.pose, atol=1e-6)
+    np.testing.assert_allclose(fast.q_r, reference.q_r, atol=1e-6)
+    np.testing.assert_array_equal(fast.contact, reference.contact)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.005])
+@pytest.mark.parametrize("object_name", OBJECTS)
+def test_motion_keeps_its_laws(object_name, sigma, random_motion):
+    motion = random_motion(object_name, seed=2, sigma=sigma)
+    for array in (motion.q_r, motion.q_cmd, motion.pose, motion.link_distance):
+        assert np.isfinite(array).all()
+    assert (motion.active > 0).mean() > 0.1
+    assert -motion.link_distance.min() < 1e-3
+    lead = ROBOT.joint_array("max_lead")
+    assert (np.abs(np.diff(motion.q_r, axis=1)) <= lead + 1e-12).all()
+    assert (np.abs(motion.q_cmd[:, 1:] - motion.q_r[:, :-1]) <= lead + 1e-12).all()
+    assert (motion.q_cmd >= ROBOT.joint_array("lower")).all() and (motion.q_cmd <= ROBOT.joint_array("upper")).all()
+    if sigma == 0:
+        untouched = motion.active[:, 1:] == 0
+        moved = (motion.pose[:, 1:] != motion.pose[:, :-1]).any(axis=2)
+        assert not (moved & untouched).any()
+
+
+def test_free_joint_follows_the_command_exactly():
+    q, pose = np.zeros((1, 4)), np.array([[5.0, 5.0, 0.0]])
+    plant = Plant("planar_arm", ["circle"], np.array([0.5]))
+    motion = QuasiDynamics().rollout(q, q, pose, Commands(np.ones((1, 400, 4))), plant)
+    expected = np.zeros(4)
+    for t in range(400):
+        expected = expected + CONTROL_PERIOD * (1.0 * ROBOT.speed_limit)
+        np.testing.assert_array_equal(motion.q_r[0, t + 1], expected)
+
+
+def test_rows_do_not_depend_on_batch_or_threads(random_motion):
+    motion = random_motion("hexagon", rows=20, steps=100, seed=3)
+    commands = Commands(motion.actions)
+    start = motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0]
+    for threads in (1, 2, 3):
+        plant = Plant("planar_arm", ["hexagon"] * 20, np.full(20, 0.5))
+        again = QuasiDynamics(threads=threads).rollout(*start, commands, plant)
+        np.testing.assert_array_equal(again.pose, motion.pose)
+    for i in (0, 19):
+        plant = Plant("planar_arm", ["hexagon"], np.array([0.5]))
+        one = [array[i : i + 1] for array in start]
+        again = QuasiDynamics().rollout(*one, Commands(motion.actions[i : i + 1]), plant)
+        np.testing.assert_array_equal(again.pose[0], motion.pose[i])
+
+
+def test_mixed_objects_and_friction_equal_separate_rows(random_motion):
+    motion = random_motion("octagon", rows=8, steps=150, seed=4)
+    names, friction = ["circle", "octagon"] * 4, np.linspace(0.0, 1.0, 8)
+    start = motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0]
+    mixed = QuasiDynamics().rollout(*start, Commands(motion.actions), Plant("planar_arm", names, friction))
+    for i in range(8):
+        plant = Plant("planar_arm", [names[i]], friction[i : i + 1])
+        one = [array[i : i + 1] for array in start]
+        alone = QuasiDynamics().rollout(*one, Commands(motion.actions[i : i + 1]), plant)
+        np.testing.assert_array_equal(alone.pose[0], mixed.pose[i])
+
+
+def test_push_out_limits_how_fast_an_overlap_is_resolved():
+    q, pose = np.zeros((1, 4)), np.array([[0.6, 0.09, 0.0]])  # 35 mm inside the second link
+    plant = Plant("planar_arm", ["circle"], np.array([0.5]))
+    motion = QuasiDynamics().rollout(q, q, pose, Commands(np.zeros((1, 10, 4))), plant)
+    steps = np.diff(motion.link_distance.min(axis=2)[0])
+    assert steps.max() <= 0.0101
+    assert motion.link_distance[0, -1].min() > -1e-4
+
+
+def test_paper_preset_winds_up_and_default_does_not():
+    """A squeezed arm: without max_lead the command runs ahead of the joints."""
+    q = np.array([[0.0, 1.2, 1.6, 1.6]])
+    pose = np.array([[0.45, 0.25, 0.0]])
+    plant = Plant("planar_arm", ["circle"], np.array([0.5]))
+    commands = Commands(np.tile([0.0, 1.0, 1.0, 1.0], (1, 500, 1)))
+    leads = {}
+    for name, model in (("default", ContactModel()), ("paper", PAPER_MODEL._replace(compliance=1e-4))):
+        motion = QuasiDynamics(model=model).rollout(q, q, pose, commands, plant)
+        leads[name] = np.abs(motion.q_cmd - motion.q_r).max()
+    assert leads["default"] < 0.02
+    assert leads["paper"] > 5 * leads["default"]
+
+
+def test_bad_arguments():
+    with pytest.raises(UnknownNameError, match="fast, osqp"):
+        QuasiDynamics(solver="slow")
+    with pytest.raises(InvalidParameterError, match="compliance"):
+        QuasiDynamics(model=ContactModel(compliance=-1.0))

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from evaluation.cli import main
+from evaluation.commands import COMMANDS, settings
+from evaluation.records import read_records
+from piec_envs.errors import InvalidParameterError
+
+ROOT = Path(__file__).resolve().parents[2]
+TINY = ["--planner", "iterations=1", "population=4", "restarts=1", "start=rest", "robust_iterations=0"]
+
+
+HELP = """
+import sys
+from evaluation.cli import main
+try:
+    main(["--help"])
+except SystemExit:
+    print([name for name in ("torch", "mujoco", "matplotlib", "cma", "scipy") if name in sys.modules])
+"""
+
+
+@pytest.fixture
+def piec(capsys):
+    """Run a command with --json; returns its exit code and its document."""
+
+    def run(*arguments):
+        code = main([str(argument) for argument in [*arguments, "--json"]])
+        return code, json.loads(capsys.readouterr().out)
+
+    return run
+
+
+@pytest.fixture
+def plan_file(sweep_plan, tmp_path):
+    return sweep_plan.save(tmp_path / "sweep.npz")
+
+
+def test_help_is_quick_and_lists_every_command():
+    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.rstrip().endswith("[]")
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_helps_with_an_example(name, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main([name, "--help"])
+    text = capsys.readouterr().out
+    assert leaving.value.code == 0
+    assert f"  piec {name}" in text.partition("examples:")[2]
+    assert "--json" in text
+
+
+def test_list(piec, capsys):
+    code, tables = piec("list")
+    assert code == 0
+    assert "piec_envs/PlanarArmPush-v0" in tables["environments"] and "disturbance-5mm" in tables["protocols"]
+    assert set(tables["commands"]) == set(COMMANDS)
+    assert main(["list"]) == 0
+    assert "planar-disturbance" in capsys.readouterr().out
+
+
+def test_plan(piec, tmp_path):
+    out = tmp_path / "new" / "plan.npz"
+    code, document = piec("plan", "--objective", "contact", *TINY, "--set", "object=square", "--out", out)
+    assert code == 0 and out.exists()
+    assert document["wrote"] == [str(out)] and document["nominal"]["d2g"] >= 0
+
+
+def test_evaluate_says_where_and_does_nothing_twice(piec, plan_file, tmp_path, capsys):
+    arguments = ["evaluate", plan_file, "--episodes", 3, "--protocol", "disturbance-5mm", "nominal"]
+    arguments += ["--set", "escape_field=null", "--out", tmp_path / "out"]
+    code, first = piec(*arguments)
+    assert code == 0
+    assert [row["n"] for row in first["evaluations"]] == [3, 1]
+    assert len(read_records(tmp_path / "out" / "records.jsonl")) == 2
+    assert piec(*arguments) == (0, first)
+    assert len(read_records(tmp_path / "out" / "records.jsonl")) == 2
+    assert main([str(argument) for argument in arguments]) == 0
+    assert f"wrote {tmp_path / 'out' / 'table.md'}" in capsys.readouterr().out
+
+
+def test_demo(piec, tmp_path):
+    code, document = piec("demo", "--smoke", "--out", tmp_path)
+    assert code == 0 and set(document["results"]) == {"contact", "proximity", "caging"}
+    names = {"table.md", "table.csv", "overview.png", "animation.gif", "records.jsonl"}
+    assert names <= {path.name for path in tmp_path.iterdir()}
+    assert len(list((tmp_path / "plans").glob("*.npz"))) == 3
+    assert "[" in (tmp_path / "table.md").read_text()
+
+
+def test_render(piec, plan_file, tmp_path):
+    code, document = piec("render", plan_file, "--frames", 2, "--out", tmp_path / "a.gif", "--set", "escape_field=null")
+    assert code == 0 and document["end"]["d2g"] > 0
+    assert (tmp_path / "a.gif").read_bytes()[:3] == b"GIF"
+    code, _ = piec("render", "--state", '{"pose": [0.5, 0.4, 0.0]}', "--out", tmp_path / "a.png")
+    assert code == 0 and (tmp_path / "a.png").read_bytes()[1:4] == b"PNG"
+
+
+def test_bench(piec, tmp_path):
+    code, document = piec("bench", "--quick", "--out", tmp_path / "bench.json")
+    assert code == 0
+    assert json.loads((tmp_path / "bench.json").read_text())["rows"] == document["rows"]
+    assert {"contact step, fast over osqp", "rank of plan costs"} <= {row["benchmark"] for row in document["rows"]}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["reproduce", "planar-everything"], "known: planar-adversary"),
+        (["plan", "--objective", "luck"], "known: adversarial"),
+        (["plan", "--planner", "luck=1"], "planner setting"),
+        (["plan", "--set", "object"], "name=value"),
+        (["plan", "--set", "friction=-1"], "friction"),
+        (["evaluate", "missing.npz"], "missing.npz"),
+        (["render", "missing.npz"], "missing.npz"),
+        (["render", "--state", "[1]"], "JSON object"),
+        (["render", "--state", '{"pose": [0.5, 0.0, 0.0]}'], "overlaps"),
+        (["render", "--out", "a.jpg"], ".png"),
+    ],
+)
+def test_bad_input_ends_with_one_line_and_code_2(arguments, message, capsys):
+    assert main([*arguments, "--json"]) == 2
+    captured = capsys.readouterr()
+    assert message in json.loads(captured.out)["error"]
+    (line,) = [line for line in captured.err.splitlines() if "compiling" not in line]
+    assert line.startswith(f"piec {arguments[0]}: error: ") and message in line
+
+
+def test_settings_are_json_or_text():
+    pairs = ["a=1", "b=square", "c=null", "d=[1, 2]", "e=x=y"]
+    assert settings(pairs) == {"a": 1, "b": "square", "c": None, "d": [1, 2], "e": "x=y"}
+    assert settings(None) == {}
+    with pytest.raises(InvalidParameterError, match="name=value"):
+        settings(["=3"])

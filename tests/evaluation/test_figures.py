@@ -1,0 +1,159 @@
+"""Figures: files are written whole, have the expected size, repeat bit for bit, and never load pyplot."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+from evaluation import figures
+from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
+from evaluation.figures.base import MODES, bounds, mode_of
+from evaluation.figures.scenes import keyframe_steps, strip_steps
+from piec_envs.errors import InvalidParameterError, MissingDependencyError
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS, ROLLOUTS = 60, 7
+GOAL = np.array([-0.3, 0.4])
+
+
+def make_trajectory(mode: str, seed: int) -> figures.Trajectory:
+    """An arm that curls while the object drifts to the goal; contact from step 20 on."""
+    rng = np.random.default_rng(seed)
+    share = np.linspace(0, 1, STEPS + 1)[:, None]
+    q_r = share * [1.5, 1.0, 1.2, 1.4]
+    pose = np.column_stack([np.array([0.55, 0.25]) * (1 - share) + GOAL * share, share])
+    noise = np.cumsum(0.01 * rng.standard_normal((ROLLOUTS, STEPS + 1, 3)), axis=1)
+    contact = np.zeros((STEPS + 1, 4), dtype=bool)
+    contact[20:, 2] = True
+    return figures.Trajectory(mode, "planar_arm", "circle", GOAL, q_r, pose, contact, pose + noise)
+
+
+PLANS = [make_trajectory(mode, seed) for seed, mode in enumerate(("contact", "proximity", "caging"))]
+SERIES = {plan.mode: np.linalg.norm(plan.disturbed[..., :2] - GOAL, axis=-1) for plan in PLANS}
+SWEEP = {mode: {0.001: rows, 0.005: 2 * rows} for mode, rows in SERIES.items()}
+FINAL = {mode: {sigma: rows[:, -1] for sigma, rows in row.items()} for mode, row in SWEEP.items()}
+
+DRAW = {
+    "keyframes": lambda path: figures.keyframes(PLANS, path),
+    "trajectories": lambda path: figures.trajectories(PLANS, path),
+    "field_strip": lambda path: figures.field_strip(PLANS[2], path, steps=[30, STEPS]),
+    "overview": lambda path: figures.overview(PLANS, path),
+    "contact_fractions": lambda path: figures.contact_fractions(
+        {plan.mode: plan.contact.mean(axis=0) for plan in PLANS}, path
+    ),
+    "over_time": lambda path: figures.over_time(SERIES, "distance [m]", path),
+    "distance_bands": lambda path: figures.distance_bands(SWEEP, path),
+    "final_distances": lambda path: figures.final_distances(FINAL, path),
+}
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_figure_is_written(name, tmp_path):
+    path = DRAW[name](tmp_path / "made" / f"{name}.png")
+    picture = imageio.imread(path)
+    assert picture.ndim == 3 and min(picture.shape[:2]) > 100
+    assert 0.01 < (picture[..., :3] < 250).any(axis=-1).mean() < 0.9  # neither blank nor full
+    assert [file.name for file in path.parent.iterdir()] == [path.name]  # no temporary file is left
+
+
+@pytest.mark.parametrize("name", ["trajectories", "final_distances"])
+def test_figures_repeat_bit_for_bit(name, tmp_path):
+    first, second = (DRAW[name](tmp_path / f"{k}.png").read_bytes() for k in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("draw", "data"),
+    [
+        (figures.keyframes, PLANS[:1]),
+        (figures.trajectories, [replace(PLANS[0], disturbed=None, contact=None)]),
+        (figures.overview, [replace(PLANS[0], mode="rigid-carry", object_name="square")]),
+        (figures.trajectories, [replace(PLANS[0], reference=PLANS[0].pose[:, :2], period=1.0)]),
+        (figures.distance_bands, {"caging": {0.005: SERIES["caging"]}}),
+    ],
+    ids=["one plan", "no disturbed executions", "another mode and object", "reference", "one panel"],
+)
+def test_one_panel_is_enough(draw, data, tmp_path):
+    assert draw(data, tmp_path / "one.png").is_file()
+
+
+def test_single_curves_need_no_band(tmp_path):
+    assert figures.over_time({"caging": np.linspace(0, 1, 11)}, "caging", tmp_path / "curve.png").is_file()
+
+
+def test_steps_start_with_the_first_contact():
+    assert PLANS[0].first_contact == 20
+    assert keyframe_steps(PLANS[0]) == [0, 20, 33, 46, STEPS]
+    assert strip_steps(PLANS[0], 3) == [20, 40, STEPS]
+    assert replace(PLANS[0], contact=None).first_contact is None
+    assert replace(PLANS[0], contact=np.zeros((STEPS + 1, 4), dtype=bool)).first_contact is None
+
+
+def test_success_is_counted_at_the_last_step():
+    still = replace(PLANS[0], disturbed=np.stack([PLANS[0].pose, PLANS[0].pose + 0.1]))
+    assert still.inside[:, -1].tolist() == [True, False]
+
+
+def test_view_contains_the_goal_and_all_paths():
+    (x_min, x_max), (y_min, y_max) = bounds(PLANS, [[STEPS]] * 3)
+    points = np.concatenate([GOAL[None], *(plan.disturbed[..., :2].reshape(-1, 2) for plan in PLANS)])
+    assert (points > [x_min, y_min]).all() and (points < [x_max, y_max]).all()
+
+
+def test_modes_differ_in_colour_strangers_too():
+    names = [*MODES, "point", "whole_arm"]
+    assert len({mode_of(name, names).colour for name in names}) == len(names)
+    assert mode_of("point", names).label == "point"
+
+
+def test_animation_of_rollouts(tmp_path):
+    path = figures.animate_rollouts(PLANS, tmp_path / "rollouts.gif", every=30)
+    frames = imageio.imread(path, index=None)
+    assert frames.shape[0] >= 3 and frames.shape[2] == WIDTH
+    assert not np.array_equal(frames[0], frames[1])
+
+
+def test_frames_have_an_even_size():
+    frame = next(iter(rollout_frames(PLANS[:2], every=30)))
+    assert frame.dtype == np.uint8 and frame.shape[0] % 2 == frame.shape[1] % 2 == 0
+
+
+def test_animation_takes_a_folder_of_pictures(tmp_path):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for k in range(3):
+        imageio.imwrite(folder / f"{k}.png", np.full((20, 30, 3), 80 * k, dtype=np.uint8))
+    frames = imageio.imread(animation(folder, tmp_path / "movie.gif", fps=10), index=None)
+    assert frames.shape == (3, 20, 30, 3)
+
+
+def test_white_stays_white_in_few_colours():
+    frame = next(iter(rollout_frames(PLANS[:1], every=60)))
+    assert (_few_colours([frame])[0, 0, :5] == 255).all()
+
+
+def test_animation_refuses_what_it_cannot_write(tmp_path, monkeypatch):
+    with pytest.raises(InvalidParameterError, match=r"\.gif"):
+        animation([np.zeros((4, 4, 3), dtype=np.uint8)], tmp_path / "movie.avi")
+    with pytest.raises(InvalidParameterError, match="frame"):
+        animation([], tmp_path / "movie.gif")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingDependencyError, match="video"):
+        animation([np.zeros((4, 4, 3), dtype=np.uint8)], tmp_path / "movie.mp4")
+
+
+def test_importing_loads_no_matplotlib_and_drawing_no_pyplot(tmp_path):
+    code = (
+        "import sys, numpy as np; from evaluation import figures; early = 'matplotlib' in sys.modules\n"
+        "figures.over_time({'caging': np.linspace(0, 1, 11)}, 'caging', sys.argv[1])\n"
+        "print(early, 'matplotlib.pyplot' in sys.modules)"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "curve.png")]
+    result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert result.stdout.split() == ["False", "False"]

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluation.records import read_records
+from evaluation.studies import STUDIES, get_study
+from evaluation.studies.common import Case, StudyRun, distance_columns, success_columns
+from evaluation.studies.work import plan_file
+from evaluation.tables import cell
+from piec_envs.errors import UnknownNameError
+
+ROOT = Path(__file__).resolve().parents[2]
+RUN = "import sys; from evaluation.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+def outcome(folder: Path) -> list[dict]:
+    """Records without what differs from run to run."""
+    kept = ("key", "spec", "seed", "result")
+    return [{name: record[name] for name in kept} for record in read_records(folder / "records.jsonl")]
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory) -> Path:
+    """A whole smoke run of every study, in the order of the table."""
+    folder = tmp_path_factory.mktemp("results")
+    for name in STUDIES:
+        module = get_study(name).load()
+        for path in module.run(module.Settings.smoke(), folder / name, progress=False):
+            assert path.stat().st_size > 0 and path.parent == folder / name
+    return folder
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_leaves_records_table_figures_and_plans(results, name):
+    folder = results / name
+    assert STUDIES[name].description
+    assert {"records.jsonl", "table.md", "table.csv", "plans"} <= {path.name for path in folder.iterdir()}
+    assert len(list(folder.glob("*.png"))) >= 3 and len(list((folder / "plans").glob("*.npz"))) == 2
+    text = (folder / "table.md").read_text()
+    assert "| n " in text and "n counts distinct executions" in text
+
+
+def test_studies_share_plans(results):
+    cached = {path.name for path in (results / "plans").iterdir()}
+    assert len(cached) == 3  # contact, caging and adversarial
+    for name in STUDIES:
+        for path in (results / name / "plans").iterdir():
+            assert path.read_bytes() == (results / "plans" / path.name).read_bytes()
+
+
+def test_two_workers_do_the_same_as_one(results, tmp_path):
+    module = get_study("planar-objectives").load()
+    alone, together = results / "planar-objectives", tmp_path / "planar-objectives"
+    module.run(module.Settings.smoke(), together, jobs=2, progress=False)
+    for name in ("table.md", "table.csv", "keyframes.png"):
+        assert (together / name).read_bytes() == (alone / name).read_bytes()
+    by_key = [{record["key"]: record for record in outcome(folder)} for folder in (alone, together)]
+    assert by_key[0] == by_key[1]
+
+
+def test_a_killed_study_resumes_without_losing_or_repeating_a_record(results, tmp_path):
+    folder = tmp_path / "planar-adversary"
+    records = folder / "records.jsonl"
+    arguments = [sys.executable, "-c", RUN, "reproduce", "planar-adversary", "--smoke", "--out", str(tmp_path)]
+    process = subprocess.Popen(arguments, cwd=ROOT, env={**os.environ, "TQDM_DISABLE": "1"}, stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and (not records.exists() or records.read_bytes().count(b"\n") < 4):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = read_records(records)
+    assert 4 <= len(before) < 8
+    with open(records, "ab") as file:
+        file.write(b'{"format":"piec-record-1","key":"cut o')
+    module = get_study("planar-adversary").load()
+    module.run(module.Settings.smoke(), folder, progress=False)
+    assert read_records(records)[: len(before)] == before
+    assert outcome(folder) == outcome(results / "planar-adversary")
+    for name in ("table.csv", "usage.csv", "final_distance.png"):
+        assert (folder / name).read_bytes() == (results / "planar-adversary" / name).read_bytes()
+
+
+def test_lost_files_are_made_again(results, tmp_path):
+    module = get_study("planar-disturbance").load()
+    run = StudyRun(tmp_path / "study", (0,), episodes=2, progress=False)
+    case = Case("contact", {**module.Settings.smoke().planner, "objective": "contact"})
+    (first,) = run.evaluate([case], "disturbance-5mm")
+    work = case.plan_work(0)
+    file = plan_file(tmp_path, work.spec, 0)
+    saved = np.load(file)["path"]
+    file.write_bytes(b"broken")
+    for path in (tmp_path / "rollouts").iterdir():
+        path.unlink()
+    assert run.evaluate([case], "disturbance-5mm") == [first]
+    again = run.load_evaluation(case, 0, "disturbance-5mm")
+    assert again.goal_distance[:, -1].mean() == first[0]["goal_distance_mean"]
+    assert np.array_equal(np.load(file)["path"], saved)
+
+
+def test_a_specs_key_changes_with_the_planner_and_not_with_its_name():
+    case = Case("contact", {"objective": "contact"})
+    full = Case("any name", {"objective": "contact", "population": 50})
+    other = Case("contact", {"objective": "contact", "population": 51})
+    assert case.plan_work(0).key == full.plan_work(0).key
+    assert len({case.plan_work(0).key, case.plan_work(1).key, other.plan_work(0).key}) == 3
+
+
+def test_columns_state_n_and_all_plans():
+    results = [
+        {"n": 100, "successes": k, "success_rate": k / 100, "d2g_mean": 0.0, "d2g_std": 0.0, "deviation": 0.1}
+        | {"goal_distance_mean": k / 1000, "goal_distance_std": 0.0}
+        for k in (100, 90, 95)
+    ]
+    cells = {name: cell(value) for name, value in success_columns(results).items()}
+    assert cells["n"] == "3 x 100" and cells["plans"] == "3"
+    assert cells["first plan"] == "100 [96, 100] %"
+    assert cells["each plan"] == "100, 90, 95 %" and cells["least"] == "90 %"
+    assert cells["mean over plans"].startswith("95 [90, ")
+    assert cell(distance_columns(results)["goal distance, m"]) == "0.095 ± 0.004"
+
+
+def test_an_unknown_study_lists_the_known_ones():
+    with pytest.raises(UnknownNameError, match="planar-disturbance"):
+        get_study("planar-disturbances")

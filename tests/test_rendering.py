@@ -1,0 +1,107 @@
+"""Frames: their shape, what they depend on, and that drawing leaves no traces."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from piec_envs.config import EnvConfig
+from piec_envs.core import EpisodeBatch
+from piec_envs.drawing import base_position, link_outlines, robot_frames
+from piec_envs.field_drawing import FIELD_TOP, _filled
+from piec_envs.rendering import picture_field, render_frame
+from piec_envs.world.objects import OBJECTS
+from piec_envs.world.robots import ROBOTS, get_robot
+
+ROOT = Path(__file__).resolve().parents[1]
+SIZE = 200  # small frames draw in half the time
+CURLED = [0.3, 1.6, 1.6, 1.6]
+ENCLOSING = [-0.34, 1.4, 1.96, 0.82]  # the point (0.3, 0.1)
+
+
+def episode(task="push", **options):
+    batch = EpisodeBatch(EnvConfig(task, **options), 1)
+    batch.reset(np.array([0]), [0])
+    return batch
+
+
+def test_frame_is_an_image_of_the_asked_size():
+    frame = render_frame(episode(), 0)
+    assert frame.shape == (720, 720, 3) and frame.dtype == np.uint8
+    assert render_frame(episode(escape_field=None), 0, size=SIZE).shape == (SIZE, SIZE, 3)
+
+
+def test_same_state_same_picture():
+    trail = np.array([[0.5, 0.3], [0.55, 0.25]])
+    assert np.array_equal(*(render_frame(episode(), 0, trail, size=SIZE) for _ in range(2)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda batch: batch.state.q_r.__setitem__(0, CURLED),
+        lambda batch: batch.state.pose.__setitem__((0, 0), 0.4),
+        lambda batch: batch.contact.__setitem__((0, 1), True),
+        lambda batch: batch.state.step.__setitem__(0, 500),
+    ],
+    ids=["robot", "object", "contact", "time"],
+)
+def test_picture_follows_the_state(change):
+    batch = episode()
+    before = render_frame(batch, 0, size=SIZE)
+    change(batch)
+    assert not np.array_equal(before, render_frame(batch, 0, size=SIZE))
+
+
+def test_field_trail_and_reference_are_drawn():
+    plain = render_frame(episode(escape_field=None), 0, size=SIZE)
+    trail = np.column_stack([np.linspace(-0.5, 0.5, 20), np.full(20, -0.6)])
+    assert not np.array_equal(plain, render_frame(episode(), 0, size=SIZE))
+    assert not np.array_equal(plain, render_frame(episode(escape_field=None), 0, trail, size=SIZE))
+    assert not np.array_equal(plain, render_frame(episode("track", escape_field=None), 0, size=SIZE))
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_every_object_is_drawn(name):
+    others = [
+        render_frame(episode(object=other, escape_field=None), 0, size=SIZE) for other in OBJECTS if other != name
+    ]
+    frame = render_frame(episode(object=name, escape_field=None), 0, size=SIZE)
+    assert not any(np.array_equal(frame, other) for other in others)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_outlines_sit_on_their_frames(name):
+    robot = get_robot(name)
+    q = 0.1 + 0.5 * robot.home
+    frames = robot_frames(robot, q)
+    for link, outlines in zip(robot.links, link_outlines(robot, q), strict=True):
+        reach = max(float(np.linalg.norm(shape.vertices, axis=1).max()) + shape.radius for shape in link.shapes)
+        offsets = np.concatenate(outlines) - frames[link.frame, :2]
+        assert np.linalg.norm(offsets, axis=1).max() == pytest.approx(reach, rel=0.02)
+    assert np.isfinite(base_position(robot, q)).all()
+
+
+def test_picture_of_an_enclosed_place_is_finite_and_dark():
+    field = picture_field("planar_arm", EnvConfig("push").make_field()[0].speed)
+    field_map = field.solve(np.array(ENCLOSING))
+    shown = _filled(field_map, field.speed)
+    assert np.isfinite(shown).all() and shown.min() >= 0
+    inside = shown[np.abs(field_map.y - 0.1).argmin(), np.abs(field_map.x - 0.3).argmin()]
+    assert inside == shown.max() == FIELD_TOP
+
+
+def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
+    code = (
+        "import sys, numpy as np, piec_envs, piec_envs.rendering; early = 'matplotlib' in sys.modules\n"
+        "from piec_envs.config import EnvConfig; from piec_envs.core import EpisodeBatch\n"
+        "batch = EpisodeBatch(EnvConfig('push'), 1); batch.reset(np.array([0]), [0])\n"
+        "piec_envs.rendering.render_frame(batch, 0, size=100)\n"
+        "print(early, 'matplotlib.pyplot' in sys.modules)"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert result.stdout.split() == ["False", "False"]

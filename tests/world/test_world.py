@@ -1,0 +1,73 @@
+"""Shapes, objects and robots: what the tables accept and refuse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from piec_envs.errors import InvalidShapeError, UnknownNameError
+from piec_envs.world.objects import OBJECTS, Object, get_object
+from piec_envs.world.robots import ROBOTS, get_robot
+from piec_envs.world.scene import pack_scene
+from piec_envs.world.shapes import RoundedPolygon, box, capsule, disc, regular_polygon
+
+
+@pytest.mark.parametrize(
+    ("vertices", "radius"),
+    [
+        ([], 0.1),
+        ([(0, 0)], 0.0),
+        ([(0, 0), (1, 0)], 0.0),
+        ([(0, 0), (0, 1), (1, 0)], 0.0),  # clockwise
+        ([(0, 0), (1, 0), (2, 0), (1, 1)], 0.0),  # collinear corner
+        ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], 0.0),  # not convex
+        ([(0, np.nan)], 0.1),
+        ([(0, 0)], -0.1),
+        ([(0, 0)], np.inf),
+    ],
+)
+def test_bad_shapes_are_refused(vertices, radius):
+    with pytest.raises(InvalidShapeError):
+        RoundedPolygon(np.array(vertices, dtype=float), radius)
+
+
+@pytest.mark.parametrize("shape", [disc(0.1), capsule((0, 0), (0.3, 0), 0.05), box(0.3, 0.2), regular_polygon(6, 0.1)])
+def test_outline_lies_at_the_radius_and_turns_counter_clockwise(shape):
+    outline = shape.outline()
+    gaps = [np.abs(np.linalg.norm(outline - v, axis=1) - shape.radius).min() for v in shape.vertices]
+    assert max(gaps) < 1e-12
+    x, y = outline.T
+    assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0
+    centre, bound = shape.bounding_circle
+    assert (np.linalg.norm(outline - centre, axis=1) <= bound + 1e-12).all()
+
+
+def test_polygons_contain_the_circle_by_the_stated_excess():
+    for name, excess in (("octagon", 6.2), ("hexagon", 11.6), ("square", 31.1)):
+        assert 1e3 * (get_object(name).bounding_radius - 0.075) == pytest.approx(excess, abs=0.05)
+
+
+def test_shallow_key_points_are_refused():
+    with pytest.raises(InvalidShapeError, match="key point"):
+        Object("thin", (box(0.3, 0.06),), key_points=np.zeros((1, 2)))
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_every_object_packs(name):
+    scene = pack_scene("planar_arm", name)
+    assert scene.object.first[-1] == len(scene.object.vertices)
+    assert (scene.robot.first[1:] > scene.robot.first[:-1]).all()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_home_is_within_the_limits(name):
+    robot = get_robot(name)
+    assert (robot.home >= robot.joint_array("lower")).all() and (robot.home <= robot.joint_array("upper")).all()
+    assert robot.home.shape == robot.speed_limit.shape == (robot.dof,)
+
+
+def test_unknown_names_list_the_known_ones():
+    with pytest.raises(UnknownNameError, match=r"circle, hexagon.*Did you mean 'circle'"):
+        get_object("circel")
+    with pytest.raises(UnknownNameError, match="planar_arm"):
+        get_robot("planar")
