@@ -88,7 +88,7 @@ class Evaluation:
         meta = json.dumps({"spec": self.spec, "every": self.every * every}, sort_keys=True)
         temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         with open(temporary, "wb") as file:
-            np.savez_compressed(file, format=FORMAT, meta=meta, **thinned)  # type: ignore[arg-type]
+            np.savez_compressed(file, format=FORMAT, meta=meta, **thinned)
         os.replace(temporary, target)
         return target
 

@@ -13,11 +13,11 @@ from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.errors import InvalidActionError, InvalidParameterError
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.observation import observe_rows
+from piec_envs.observation import observation_layout, observe_rows
 from piec_envs.parallel import run_rows
 from piec_envs.rollout import Rollout, join_motions
 from piec_envs.start import StartSampler
-from piec_envs.state import State, draw_params
+from piec_envs.state import PARAM_KINDS, State, draw_params
 from piec_envs.tasks import MEASURES, measure_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -45,6 +45,7 @@ class EpisodeBatch:
         self.dynamics = QuasiDynamics(config.solver, config.contact_model, config.threads)
         self.scene = pack_scene(self.robot.name, config.object)
         self.tracking = len(self.task.reference) > 0
+        self.observation_size = observation_layout(self.robot, self.tracking)["time"].stop
         self._start = StartSampler(self.robot, self.task, config)
         self.params = config.params  # nominal parameters of the episodes to come
         self.state = State.zeros(rows, self.robot.dof)
@@ -112,9 +113,15 @@ class EpisodeBatch:
 
     def _adopt_params(self) -> None:
         """Everything that follows from the rows' parameters and seeds."""
+        self.params_info = {
+            name: np.array(
+                [getattr(params, name) for params in self.state.params], dtype=object if kind == "str" else float
+            )
+            for name, kind in PARAM_KINDS.items()
+        }
         self._plant_now = self._plant(self.state)
         self._noise = self._draw_noise(self.state)
-        self._flees = np.array([params.adversary for params in self.state.params])
+        self._flees = self.params_info["adversary"]
 
     def _plant(self, state: State) -> Plant:
         return Plant(
@@ -246,10 +253,9 @@ class EpisodeBatch:
     def observe(self) -> np.ndarray:
         """Observations of all rows, shape (B, size)."""
         state = self.state
-        size = 4 * self.robot.dof + (9 if self.tracking else 7)
-        observation = np.empty((state.rows, size))
+        observation = np.empty((state.rows, self.observation_size))
         run_rows(
-            observe_rows, state.rows, self._threads(state.rows), self.scene, self.task.goal, self.task.reference,
+            observe_rows, state.rows, 1, (self.scene.lower, self.scene.upper), self.task.goal, self.task.reference,
             self.task.horizon, state.q_r, state.q_cmd, state.pose, state.step, observation,
         )  # fmt: skip
         return observation

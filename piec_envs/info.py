@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from piec_envs.core import EpisodeBatch
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.state import PlantParams
 from piec_envs.tasks import MEASURES, TRACKING_TOLERANCE
 
-_REPORTED = tuple(name for name in MEASURES if name not in ("cost", "tracking_error"))
-_PARAM_NAMES = tuple(field.name for field in dataclasses.fields(PlantParams))
+_COLUMNS = {name: i for i, name in enumerate(MEASURES)}
+_REPORTED = tuple((name, i) for name, i in _COLUMNS.items() if name not in ("cost", "tracking_error"))
 
 
 def batch_info(batch: EpisodeBatch) -> dict:
@@ -24,44 +21,29 @@ def batch_info(batch: EpisodeBatch) -> dict:
     Returns:
         Arrays with one entry for each row; "params" is a dict of such arrays.
     """
-    info: dict = {name: batch.measures[:, MEASURES.index(name)].copy() for name in _REPORTED}
+    measures = batch.measures.copy()
+    info: dict = {name: measures[:, i] for name, i in _REPORTED}
     success = info["d2g"] == 0
     if batch.tracking:
-        mean_error = batch.state.error_sum / np.maximum(batch.state.step, 1)
-        info["tracking_error"] = batch.measures[:, MEASURES.index("tracking_error")].copy()
-        info["mean_tracking_error"] = mean_error
-        success &= mean_error <= TRACKING_TOLERANCE
+        info["tracking_error"] = measures[:, _COLUMNS["tracking_error"]]
+        info["mean_tracking_error"] = batch.state.error_sum / np.maximum(batch.state.step, 1)
+        success &= info["mean_tracking_error"] <= TRACKING_TOLERANCE
     info["is_success"] = success
-    info["link_distance"] = batch.link_distance.copy()
-    info["contact_links"] = batch.contact.copy()
+    info["link_distance"], info["contact_links"] = batch.link_distance.copy(), batch.contact.copy()
     if batch.field is not None:
         info["escape_time"] = batch.state.escape_time.copy()
         info["caging"] = CAGING_SCALE * batch.state.escape_time
-    info["params"] = _params_info(batch)
+    info["params"] = {name: values.copy() for name, values in batch.params_info.items()}
+    info["params"]["start"] = batch.state.start.copy()
     return info
-
-
-def _params_info(batch: EpisodeBatch) -> dict:
-    params = batch.state.params
-    columns: dict = {}
-    for name in _PARAM_NAMES:
-        values = [getattr(row, name) for row in params]
-        columns[name] = np.array(values, dtype=object if isinstance(values[0], str) else float)
-    columns["start"] = batch.state.start.copy()
-    return columns
 
 
 def row_info(info: dict) -> dict:
     """The info of the only row of a batch of one, with plain Python scalars."""
-    row: dict = {}
-    for name, value in info.items():
-        if isinstance(value, dict):
-            row[name] = row_info(value)
-        elif value.ndim == 1:
-            row[name] = value[0] if value.dtype == object else value.item()
-        else:
-            row[name] = value[0]
-    return row
+    return {
+        name: row_info(value) if type(value) is dict else value.item() if value.ndim == 1 else value[0]
+        for name, value in info.items()
+    }
 
 
 def with_masks(info: dict, rows: np.ndarray) -> dict:
@@ -78,6 +60,8 @@ def with_masks(info: dict, rows: np.ndarray) -> dict:
     for name, value in info.items():
         if isinstance(value, dict):
             masked[name] = with_masks(value, rows)
+        elif rows.all():
+            masked[name] = value
         else:
             masked[name] = np.full_like(value, None if value.dtype == object else 0)
             masked[name][rows] = value[rows]

@@ -52,12 +52,12 @@ def observation_bound(robot: Robot, tracking: bool) -> np.ndarray:
 
 
 @batch_kernel
-def observe_rows(lo, hi, scene, goal, reference, horizon, q_r, q_cmd, pose, step, observation):
+def observe_rows(lo, hi, limits, goal, reference, horizon, q_r, q_cmd, pose, step, observation):
     """Write the observations of rows lo to hi - 1.
 
     Args:
         lo, hi: row range.
-        scene: a `PackedScene`.
+        limits: lower and upper joint limits, each of shape (n,).
         goal: shape (2,), m.
         reference: shape (M, 2), m; no rows for a goal task.
         horizon: steps of an episode.
@@ -70,7 +70,7 @@ def observe_rows(lo, hi, scene, goal, reference, horizon, q_r, q_cmd, pose, step
     for i in range(lo, hi):
         row = observation[i]
         for j in range(n):
-            middle, half = 0.5 * (scene.upper[j] + scene.lower[j]), 0.5 * (scene.upper[j] - scene.lower[j])
+            middle, half = 0.5 * (limits[1][j] + limits[0][j]), 0.5 * (limits[1][j] - limits[0][j])
             row[j], row[n + j] = np.cos(q_r[i, j]), np.sin(q_r[i, j])
             row[2 * n + j] = min(max((q_r[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)
             row[3 * n + j] = min(max((q_cmd[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)

@@ -40,7 +40,7 @@ def run_rows(kernel: Callable, rows: int, threads: int | None, *args) -> None:
         threads: number of threads; None takes all cores of this process.
         args: the kernel's other arguments, the same for every range.
     """
-    threads = min(threads or available_threads(), rows)
+    threads = 1 if rows <= 1 else min(threads or available_threads(), rows)
     if kernel not in _compiled:  # the first call compiles; do it once, with a word to the user
         _announce_if_slow(kernel, *args)
     if threads <= 1:

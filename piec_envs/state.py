@@ -74,6 +74,9 @@ class PlantParams:
         return dataclasses.replace(self, **changes)
 
 
+PARAM_KINDS = {field.name: field.type for field in dataclasses.fields(PlantParams)}  # "str" or "float"
+
+
 def draw_params(randomize: Mapping[str, Sequence], rng: np.random.Generator) -> dict[str, Any]:
     """Draw plant parameters for one episode.
 

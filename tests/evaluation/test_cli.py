@@ -117,6 +117,7 @@ def test_bench(piec, tmp_path):
         (["reproduce", "planar-everything"], "known: planar-adversary"),
         (["plan", "--objective", "luck"], "known: adversarial"),
         (["plan", "--planner", "luck=1"], "planner setting"),
+        (["plan", "--planner", "iterations=many"], "such as 100"),
         (["plan", "--set", "object"], "name=value"),
         (["plan", "--set", "friction=-1"], "friction"),
         (["evaluate", "missing.npz"], "missing.npz"),

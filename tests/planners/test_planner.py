@@ -1,0 +1,99 @@
+"""Via points, objectives, the enclosing posture and a small run of the planner."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.escape.field import make_field
+from planners import CmaEsPlanner
+from planners.configuration import enclosing_posture, posture_values
+from planners.objectives import OBJECTIVES, PathCost, crossing
+from planners.via_points import ViaPointTrajectory
+
+PUSH = "piec_envs/PlanarArmPush-v0"
+SMALL = {"population": 6, "iterations": 3, "restarts": 2, "survivors": 1, "screening": 1, "robust_iterations": 1}
+
+points = hnp.arrays(float, (5, 4), elements=st.floats(-2.5, 2.5))
+
+
+@given(via=points)
+def test_trajectory_passes_its_points_and_rests_at_both_ends(via):
+    trajectory = ViaPointTrajectory(5, 1000)
+    start = np.array([0.3, -0.2, 0.1, 0.0])
+    path = np.vstack([start, trajectory.path(start, via)])
+    np.testing.assert_allclose(path[200::200], via, atol=1e-9)
+    scale = 1 + np.abs(via).max()
+    assert np.abs(path[1] - path[0]).max() < 1e-3 * scale
+    assert np.abs(path[-1] - path[-2]).max() < 1e-3 * scale
+
+
+def test_trajectory_has_the_least_squared_acceleration():
+    """Any bump that keeps the via points and the rest at both ends costs more."""
+    trajectory = ViaPointTrajectory(5, 1000)
+    path = np.concatenate([[0.0], trajectory.path(np.zeros(1), np.array([[0.5], [0.2], [1.0], [0.3], [0.4]]))[:, 0]])
+    t = np.arange(1001)
+    bump = np.sin(np.pi * t / 200) ** 2 * np.sin(np.pi * t / 1000)
+    least = (np.diff(path, 2) ** 2).sum()
+    for size in (-0.1, -0.01, 0.01, 0.1):
+        assert (np.diff(path + size * bump, 2) ** 2).sum() > least
+
+
+@pytest.fixture(scope="module")
+def batch():
+    env = gym.make(PUSH, escape_field=None).unwrapped
+    env.reset(seed=0)
+    return env.batch
+
+
+def test_crossing_is_zero_for_a_free_arm_and_positive_for_a_knot(batch):
+    free = np.zeros((1, 100, 4))
+    knot = np.tile([0.0, 2.5, 2.5, 2.5], (1, 100, 1))
+    assert crossing(batch, free)[0] == 0
+    assert crossing(batch, knot)[0] > 0.1
+
+
+def test_disturbed_cost_without_disturbance_is_the_nominal_one(batch):
+    cost = PathCost(batch, batch.state)
+    path = np.linspace(0, 1, 1000)[None, :, None] * np.array([1.5, 0.5, 0.5, 0.5])
+    np.testing.assert_allclose(cost.disturbed(path, batch.state), cost.nominal(path), rtol=1e-12)
+
+
+def test_enclosing_posture_holds_the_object(batch):
+    field = make_field("grid", "planar_arm", resolution=48)
+    pose = np.array([-0.3, 0.4, 0.0])
+    posture = enclosing_posture(batch, field, pose, seed=0, iterations=15, population=20)
+    value = posture_values(batch, field, pose, posture[None])[0]
+    assert value > 2 * (1.4 - 0.5) / 0.05  # at least twice the time of an empty workspace
+    again = enclosing_posture(batch, field, pose, seed=0, iterations=15, population=20)
+    np.testing.assert_array_equal(posture, again)
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_small_plan_is_deterministic_and_executable(objective):
+    planner = CmaEsPlanner(objective=objective, escape_every=200, field_resolution=32, start="rest", **SMALL)
+    plan, again = (planner.plan(PUSH, seed=3, progress=False) for _ in range(2))
+    np.testing.assert_array_equal(plan.path, again.path)
+    assert plan.cost == again.cost and plan.path.shape == (1001, 4)
+    assert (np.abs(np.diff(plan.path, axis=0)) <= 0.005 + 0.01).all()  # realised joints: step and released lead
+    assert plan.nominal["d2g"] == pytest.approx(max(0.0, plan.nominal["goal_distance"] - 0.05))
+
+
+def test_threads_do_not_change_a_plan():
+    planner = CmaEsPlanner(objective="contact", start="rest", **SMALL)
+    one, two = (planner.plan(PUSH, seed=1, progress=False, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.path, two.path)
+
+
+def test_bad_arguments():
+    with pytest.raises(UnknownNameError, match="caging, contact, proximity"):
+        CmaEsPlanner(objective="cage")
+    with pytest.raises(UnknownNameError, match="enclose, rest"):
+        CmaEsPlanner(start="home")
+    with pytest.raises(InvalidParameterError, match="population"):
+        CmaEsPlanner(population=0)
