@@ -15,8 +15,16 @@ from piec_envs.world.scene import pack_scene
 
 ROBOT = "planar_arm"
 FINE = 560
-SETTINGS = ((200, "marching"), (100, "marching"), (64, "marching"), (200, "sweeping"), (100, "sweeping"), (64, "sweeping"))
+SETTINGS = (
+    (200, "marching"),
+    (100, "marching"),
+    (64, "marching"),
+    (200, "sweeping"),
+    (100, "sweeping"),
+    (64, "sweeping"),
+)
 HARD = SpeedModel(leak=0.0)
+SEEDS = 4
 
 
 def point_set(kind: str, rows: int, k: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -31,21 +39,21 @@ def least_time(points: np.ndarray) -> np.ndarray:
     return (get_robot(ROBOT).workspace_radius - np.hypot(points[..., 0], points[..., 1])) / SpeedModel().u_bar
 
 
-def against_fine_grid(kind: str, rows: int = 50, k: int = 400) -> list[dict]:
+def against_fine_grid(kind: str, rows: int = 50, k: int = 400, seed: int = 0, settings=SETTINGS) -> list[dict]:
     """Relative error of every setting against second-order marching at 560 x 560, reachable in both."""
-    points, q = point_set(kind, rows, k)
+    points, q = point_set(kind, rows, k, seed)
     true = GridField(ROBOT, FINE, "marching").query(points, q)
     reachable = np.isfinite(GridField(ROBOT, FINE, "marching", HARD).query(points, q))
     bound = least_time(points)
     table = []
-    for resolution, method in SETTINGS:
+    for resolution, method in settings:
         T = GridField(ROBOT, resolution, method).query(points, q)
         both = reachable & np.isfinite(GridField(ROBOT, resolution, method, HARD).query(points, q))
         error = np.abs(T - true) / true
         shaded = both & (true > 1.05 * bound)
         table.append(
             {
-                "check": f"{kind}, against {FINE}",
+                "check": f"{kind}, seed {seed}, against {FINE}",
                 "field": f"{method} {resolution}",
                 "median_%": 100 * np.median(error[both]),
                 "p99_%": 100 * np.percentile(error[both], 99),
@@ -59,26 +67,33 @@ def against_fine_grid(kind: str, rows: int = 50, k: int = 400) -> list[dict]:
 
 
 def against_scikit(resolution: int, rows: int) -> dict:
-    """Relative difference to scikit-fmm of order 2 on the same nodes, outside the wall and inside the disc."""
+    """Relative difference to scikit-fmm of order 2 at the nodes more than 0.05 m from the robot.
+
+    scikit-fmm starts at the circle to first order only; `start_error` is its own error in the empty
+    disc, where T is known, and `corrected` the difference after its subtraction.
+    """
     import skfmm
 
-    differences = []
-    field = GridField(ROBOT, resolution, "marching")
+    field, q = GridField(ROBOT, resolution, "marching"), np.zeros(4)
+    x, y = np.meshgrid(field.solve(q).x, field.solve(q).y)
+    nodes, h = np.stack([x, y], -1), float(x[0, 1] - x[0, 0])  # (N, N, 2)
+    inside, bound = get_robot(ROBOT).workspace_radius - np.hypot(x, y), least_time(nodes)
+    own = np.asarray(skfmm.travel_time(inside, np.full(x.shape, field.u_bar), dx=h, order=2)) - bound
+    differences, corrected = [], []
     for q in np.concatenate([point_set(kind, rows // 2, 1)[1] for kind in ("uniform", "curled")]):
         drawn = field.solve(q)
-        x, y = np.meshgrid(drawn.x, drawn.y)
-        nodes = np.stack([x, y], -1)  # (N, N, 2)
-        inside = get_robot(ROBOT).workspace_radius - np.hypot(x, y)
-        T = np.asarray(skfmm.travel_time(inside, drawn.speed, dx=float(drawn.x[1] - drawn.x[0]), order=2))
+        T = np.asarray(skfmm.travel_time(inside, drawn.speed, dx=h, order=2))
         distance = robot_distance(ROBOT, nodes.reshape(-1, 2), q).reshape(x.shape)
         kept = (inside > 0) & (distance > 0.05)
         differences.append((np.abs(drawn.T - T) / T)[kept])
-    difference = np.concatenate(differences)
+        corrected.append((np.abs(drawn.T - T + own) / T)[kept])
     return {
         "check": "nodes, against scikit-fmm order 2",
         "field": f"marching {resolution}",
-        "median_%": 100 * np.median(difference),
-        "p99_%": 100 * np.percentile(difference, 99),
+        "median_%": 100 * np.median(np.concatenate(differences)),
+        "start_error_median_%": 100 * np.median((np.abs(own) / bound)[inside > 0]),
+        "corrected_median_%": 100 * np.median(np.concatenate(corrected)),
+        "corrected_p99_%": 100 * np.percentile(np.concatenate(corrected), 99),
     }
 
 
@@ -150,6 +165,8 @@ def pressing(rows: int = 300) -> list[dict]:
 def run() -> list[dict]:
     """All checks, one row each; those of scikit-fmm are left out where it is not installed."""
     table = [row for kind in ("uniform", "curled") for row in against_fine_grid(kind)]
+    for seed in range(1, SEEDS):  # one narrow gap among 50 curled configurations decides p99
+        table += against_fine_grid("curled", seed=seed, settings=SETTINGS[:1])
     try:
         table += [against_scikit(100, 20), against_scikit(FINE, 6)]
     except ImportError:

@@ -66,13 +66,13 @@ class Evaluation:
         return self.contact[:, 1:].mean(axis=1)
 
     def expanded(self) -> Evaluation:
-        """A thinned evaluation on the full time axis again, each state held until the next one kept."""
+        """A thinned evaluation on the full time axis again: numbers interpolated, contacts held."""
         if self.every == 1:
             return self
-        kept = np.arange((self.goal_distance.shape[1] - 1) * self.every + 1) // self.every  # (N + 1,)
-        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        held: dict[str, Any] = {name: value[:, kept] if value.ndim > 1 else value for name, value in arrays.items()}
-        return replace(self, every=1, **held)
+        steps = np.arange((self.goal_distance.shape[1] - 1) * self.every + 1)  # (N + 1,)
+        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray) and value.ndim > 1}
+        full: dict[str, Any] = {name: _between(value, steps / self.every) for name, value in arrays.items()}
+        return replace(self, every=1, **full)
 
     def save(self, path: str | os.PathLike, every: int = 1) -> Path:
         """Write an npz file, under a temporary name first.
@@ -116,3 +116,13 @@ def _thin(value: np.ndarray, every: int) -> np.ndarray:
     """Each k-th entry of the time axis, if there is one, and floats in single precision."""
     kept = value[:, ::every] if value.ndim > 1 else value
     return kept.astype(np.float32) if kept.dtype == np.float64 else kept
+
+
+def _between(value: np.ndarray, when: np.ndarray) -> np.ndarray:
+    """Entries of the time axis (the second one) at fractional indices."""
+    low = when.astype(int)
+    if value.dtype == bool:
+        return value[:, low]
+    share = (when - low).reshape(1, -1, *[1] * (value.ndim - 2)).astype(value.dtype)
+    high = np.minimum(low + 1, value.shape[1] - 1)
+    return value[:, low] + share * (value[:, high] - value[:, low])

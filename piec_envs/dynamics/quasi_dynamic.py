@@ -7,8 +7,9 @@ import numpy as np
 from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
 from piec_envs.dynamics.reference import rollout_rows_osqp
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.parallel import run_rows
+from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 SOLVERS = ("fast", "osqp")
@@ -43,6 +44,7 @@ class QuasiDynamics:
     def rollout(self, q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> Motion:
         """Simulate N steps for B rows; see `Dynamics.rollout`."""
         batch, steps, n = commands.values.shape
+        _check_shapes(q_r, q_cmd, pose, commands, plant)
         groups = [(rows, pack_scene(plant.robot, name)) for name, rows in plant.rows_by_object.items()]
         links = groups[0][1].links
         motion = Motion(
@@ -64,3 +66,23 @@ class QuasiDynamics:
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
         return motion
+
+
+def _check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> None:
+    """Refuse arrays that do not fit together: the kernels do not check their bounds.
+
+    Raises:
+        InvalidStateError: if a shape differs from that of the commands.
+    """
+    batch, steps, n = commands.values.shape
+    shapes = {"q_r": (q_r, (batch, n)), "q_cmd": (q_cmd, (batch, n)), "pose": (pose, (batch, 3))}
+    shapes["friction"] = (plant.friction, (batch,))
+    if commands.displacement is not None:
+        shapes["displacement"] = (commands.displacement, (batch, steps, 2))
+    for name, (array, shape) in shapes.items():
+        if array.shape != shape:
+            raise InvalidStateError(f"{name} must have shape {shape}, got {array.shape}")
+    if len(plant.objects) != batch or get_robot(plant.robot).dof != n:
+        raise InvalidStateError(
+            f"{batch} rows of {n} joints do not fit {len(plant.objects)} objects and robot {plant.robot!r}"
+        )

@@ -1,4 +1,4 @@
-"""First-order fast sweeping, by diagonals, to the exact fixed point of Godunov's scheme.
+"""First-order fast sweeping, by diagonals, until nothing changes.
 
 In a sweep along one diagonal of the grid all nodes of a crossing diagonal are independent of each
 other, so the field is kept with one row per diagonal and the update vectorises. Two such layouts,
@@ -8,7 +8,8 @@ Numba then needs no test for negative ones.
 
 The cost of an edge is the mean of its two nodes, f_a and f_b on the two axes, and Godunov's update
 from the lesser neighbours a and b is the root of (t - a)^2 / f_a^2 + (t - b)^2 / f_b^2 = 1. With the
-node's own cost on both axes the error near the robot is 1.5 to 2.5 times as large.
+node's own cost on both axes the error near the robot is 1.5 to 2.5 times as large. On a crest of T,
+where the two neighbours on an axis are equal and their costs are not, the least value met is kept.
 """
 
 from __future__ import annotations

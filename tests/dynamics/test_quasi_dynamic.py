@@ -13,7 +13,7 @@ from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, dual_
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.dynamics.reference import assemble_problem
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.world.objects import OBJECTS
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -102,13 +102,14 @@ def test_free_joint_follows_the_command_exactly():
 
 def test_rows_do_not_depend_on_batch_or_threads(random_motion):
     motion = random_motion("hexagon", rows=20, steps=100, seed=3)
+    rows = len(motion.pose)
     commands = Commands(motion.actions)
     start = motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0]
     for threads in (1, 2, 3):
-        plant = Plant("planar_arm", ["hexagon"] * 20, np.full(20, 0.5))
+        plant = Plant("planar_arm", ["hexagon"] * rows, np.full(rows, 0.5))
         again = QuasiDynamics(threads=threads).rollout(*start, commands, plant)
         np.testing.assert_array_equal(again.pose, motion.pose)
-    for i in (0, 19):
+    for i in (0, rows - 1):
         plant = Plant("planar_arm", ["hexagon"], np.array([0.5]))
         one = [array[i : i + 1] for array in start]
         again = QuasiDynamics().rollout(*one, Commands(motion.actions[i : i + 1]), plant)
@@ -117,10 +118,11 @@ def test_rows_do_not_depend_on_batch_or_threads(random_motion):
 
 def test_mixed_objects_and_friction_equal_separate_rows(random_motion):
     motion = random_motion("octagon", rows=8, steps=150, seed=4)
-    names, friction = ["circle", "octagon"] * 4, np.linspace(0.0, 1.0, 8)
+    rows = len(motion.pose)
+    names, friction = (["circle", "octagon"] * rows)[:rows], np.linspace(0.0, 1.0, rows)
     start = motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0]
     mixed = QuasiDynamics().rollout(*start, Commands(motion.actions), Plant("planar_arm", names, friction))
-    for i in range(8):
+    for i in range(rows):
         plant = Plant("planar_arm", [names[i]], friction[i : i + 1])
         one = [array[i : i + 1] for array in start]
         alone = QuasiDynamics().rollout(*one, Commands(motion.actions[i : i + 1]), plant)
@@ -148,6 +150,21 @@ def test_paper_preset_winds_up_and_default_does_not():
         leads[name] = np.abs(motion.q_cmd - motion.q_r).max()
     assert leads["default"] < 0.02
     assert leads["paper"] > 5 * leads["default"]
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    q, pose, plant = np.zeros((3, 4)), np.zeros((3, 3)), Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5))
+    good = Commands(np.zeros((3, 5, 4)))
+    for arrays in (
+        (q[:2], q, pose, good, plant),
+        (q, q, pose[:, :2], good, plant),
+        (q, q, pose, Commands(np.zeros((3, 5, 3))), plant),
+        (q, q, pose, Commands(np.zeros((3, 5, 4)), displacement=np.zeros((3, 4, 2))), plant),
+        (q, q, pose, good, Plant("planar_arm", ["circle"] * 20, np.full(3, 0.5))),
+        (q, q, pose, good, Plant("planar_arm", ["circle"] * 3, np.full(2, 0.5))),
+    ):
+        with pytest.raises(InvalidStateError):
+            QuasiDynamics().rollout(*arrays)
 
 
 def test_bad_arguments():

@@ -98,6 +98,10 @@ def test_file_round_trip(sweep_plan, tmp_path):
     thin = Evaluation.load(full.save(tmp_path / "thin.npz", every=10))
     assert (thin.every, thin.goal_distance.shape, thin.d2g.shape) == (10, (2, 101), (2,))
     assert thin.spec == full.spec and thin.caging is None
+    expanded = thin.expanded()
+    assert np.allclose(expanded.pose[:, ::10], full.pose[:, ::10], atol=1e-6)
+    assert np.allclose(expanded.q_r, full.q_r, atol=1e-2) and np.allclose(expanded.pose, full.pose, atol=5e-3)
+    assert expanded.contact.dtype == bool and expanded.every == 1
     data = (tmp_path / "thin.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(data[: len(data) // 2])
     (tmp_path / "foreign.npz").write_text("hello")

@@ -1,0 +1,70 @@
+"""Laws of the speed model and its kernels."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from piec_envs.errors import InvalidParameterError
+from piec_envs.escape.samples import draw_configurations, robot_distance
+from piec_envs.escape.speed import SpeedModel, cost_map, decay, slowness, slowness_slope
+from piec_envs.geometry.distance import point_distance
+from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.world.scene import pack_scene
+
+distances = st.floats(-0.5, 3.0)
+
+
+def test_speed_has_the_values_of_the_design():
+    speed = SpeedModel().speed([0.0, 0.03, 0.03 + 1e-9, 0.1, 2.0])
+    np.testing.assert_allclose(speed / 0.05, [0.05, 0.05, 0.3169, 0.882, 1.0], rtol=1e-3)
+
+
+@given(st.floats(-20, 20))
+def test_decay_is_the_exponential(z):
+    assert decay(z) == pytest.approx(np.exp(z), rel=1e-12)
+
+
+@given(
+    distances, st.sampled_from([SpeedModel(), SpeedModel(leak=0.3), SpeedModel(floor=0.5, s=150.0), SpeedModel(s=0.0)])
+)
+def test_slowness_kernel_equals_the_reference(d, model):
+    assert slowness(model.packed(), d) == pytest.approx(1 / model.speed(d), rel=1e-11)
+
+
+@given(st.floats(0.031, 1.0), st.sampled_from([SpeedModel(), SpeedModel(tau=0.1, s=20.0)]))
+def test_slope_equals_a_central_difference(d, model):
+    step = 1e-6
+    difference = (1 / model.speed(d + step) - 1 / model.speed(d - step)) / (2 * step)
+    assert slowness_slope(model.packed(), d) == pytest.approx(difference, rel=1e-4, abs=1e-5)
+
+
+def test_hard_wall_has_infinite_slowness():
+    packed = SpeedModel(leak=0).packed()
+    assert slowness(packed, 0.03) == np.inf
+    assert slowness(packed, 0.0301) < np.inf
+    assert slowness_slope(packed, 0.02) == 0
+
+
+def test_cost_map_equals_the_scalar_kernel_bit_for_bit():
+    packed, d = SpeedModel().packed(), np.random.default_rng(0).uniform(-0.1, 1.5, 1001)
+    out = np.empty_like(d)
+    cost_map(packed, d, 0.5, out)
+    assert (out == [0.5 * slowness(packed, x) for x in d]).all()
+
+
+def test_distance_map_equals_point_distance():
+    rng = np.random.default_rng(0)
+    scene, points = pack_scene("planar_arm", "circle"), rng.uniform(-1.5, 1.5, (200, 2))
+    for q in draw_configurations("planar_arm", "uniform", 3, rng):
+        frames, vertices = np.empty((5, 4)), np.empty_like(scene.robot.vertices)
+        link_frames(scene, q, frames)
+        place_shapes(scene.robot, frames, vertices, np.empty_like(scene.robot.centre))
+        expected = [point_distance(scene.robot, vertices, x, y)[0] for x, y in points]
+        np.testing.assert_allclose(robot_distance("planar_arm", points, q), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [{"leak": -0.1}, {"u_bar": 0.0}, {"s": np.nan}, {"a_min": 2.0}, {"d0": np.inf}])
+def test_numbers_out_of_range_are_refused(bad):
+    with pytest.raises(InvalidParameterError, match=next(iter(bad))):
+        SpeedModel(**bad)
