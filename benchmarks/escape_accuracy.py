@@ -5,6 +5,8 @@ Run: python benchmarks/escape_accuracy.py
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import numpy as np
 
 from piec_envs.escape import GridField, SpeedModel
@@ -60,7 +62,7 @@ def against_fine_grid(kind: str, rows: int = 50, k: int = 400, seed: int = 0, se
                 "median_shaded_%": 100 * np.median(error[shaded]),
                 "p99_shaded_%": 100 * np.percentile(error[shaded], 99),
                 "reach_disagrees_%": 100 * np.mean(both != reachable),
-                "above_bound": bool((T >= bound * (1 - 1e-12)).all()),
+                "above_bound": bool((T - bound >= -1e-9).all()),
             }
         )
     return table
@@ -167,10 +169,8 @@ def run() -> list[dict]:
     table = [row for kind in ("uniform", "curled") for row in against_fine_grid(kind)]
     for seed in range(1, SEEDS):  # one narrow gap among 50 curled configurations decides p99
         table += against_fine_grid("curled", seed=seed, settings=SETTINGS[:1])
-    try:
+    if find_spec("skfmm"):
         table += [against_scikit(100, 20), against_scikit(FINE, 6)]
-    except ImportError:
-        pass
     table += [row for kind in ("uniform", "curled") for row in gradients(kind)]
     return table + pressing()
 

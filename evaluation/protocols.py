@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 
 START_NOISE = (0.01, 0.05)  # m, rad
 
@@ -80,6 +80,5 @@ def get_protocol(name: str) -> Protocol:
     Raises:
         UnknownNameError: if the table has no such row.
     """
-    if name not in PROTOCOLS:
-        raise UnknownNameError("protocol", name, PROTOCOLS)
+    check_name("protocol", name, PROTOCOLS)
     return PROTOCOLS[name]

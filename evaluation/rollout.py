@@ -13,7 +13,7 @@ import piec_envs  # noqa: F401  registers the environments
 from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol, is_random
 from piec_envs.core import EpisodeBatch
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.info import batch_info
 from piec_envs.registration import ENVS
@@ -58,8 +58,7 @@ def evaluate(
         InvalidParameterError: for a bad number of episodes, or a policy that is none.
         PlanError: if the policy executes a plan for another id, robot or joints.
     """
-    if env_id not in ENVS:
-        raise UnknownNameError("environment", env_id, ENVS)
+    check_name("environment", env_id, ENVS)
     if not (isinstance(episodes, int | np.integer) and episodes >= 1):
         raise InvalidParameterError(f"episodes must be a whole number of at least 1, got {episodes!r}")
     predict = _predict_of(policy)

@@ -11,7 +11,7 @@ import numpy as np
 
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import EscapeField, make_field
 from piec_envs.state import PlantParams, check_randomize
 from piec_envs.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
@@ -84,8 +84,7 @@ class EnvConfig:
             ("prior", self.prior, (*PRIORS, "auto", None)),
             ("goal_conditioned", self.goal_conditioned, (False, True, "dense")),
         ):
-            if value not in known:
-                raise UnknownNameError(name, value, map(str, known))
+            check_name(name, value, known)
         if self.goal is not None:
             self._check_goal()
         noise = np.asarray(self.start_noise, dtype=float)
@@ -123,12 +122,10 @@ class EnvConfig:
     @property
     def cost_weights(self) -> CostWeights:
         """Weights of the stage cost."""
-        if self.preset not in PRESETS:
-            raise UnknownNameError("preset", self.preset, PRESETS)
+        check_name("preset", self.preset, PRESETS)
         base = PRESETS[self.preset][self.task]
         for name in self.weights or {}:
-            if name not in CostWeights._fields:
-                raise UnknownNameError("weight", name, CostWeights._fields)
+            check_name("weight", name, CostWeights._fields)
         return base._replace(**(self.weights or {}))
 
     @property

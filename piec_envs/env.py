@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from piec_envs.config import EnvConfig
 from piec_envs.core import EpisodeBatch, Rollout
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.info import batch_info, row_info
 from piec_envs.observation import observation_bound, observation_layout
 from piec_envs.state import State
@@ -29,8 +29,7 @@ def make_config(task: str, options: Mapping[str, Any]) -> EnvConfig:
         UnknownNameError: for a keyword that does not exist.
     """
     for name in options:
-        if name not in EnvConfig.field_names():
-            raise UnknownNameError("keyword argument", name, [*EnvConfig.field_names(), "dtype", "render_mode"])
+        check_name("keyword argument", name, [*EnvConfig.field_names(), "dtype", "render_mode"])
     return EnvConfig(task, **options)
 
 
@@ -44,10 +43,8 @@ class Interface:
     """
 
     def __init__(self, batch: EpisodeBatch, dtype: str, render_mode: str | None):
-        if dtype not in ("float64", "float32"):
-            raise UnknownNameError("dtype", dtype, ("float64", "float32"))
-        if render_mode not in (None, *RENDER_MODES):
-            raise UnknownNameError("render_mode", render_mode, RENDER_MODES)
+        check_name("dtype", dtype, ("float64", "float32"))
+        check_name("render_mode", render_mode, (None, *RENDER_MODES))
         self.batch = batch
         self.dtype = np.dtype(dtype)
         self.mode = batch.config.goal_conditioned

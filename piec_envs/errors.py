@@ -19,11 +19,31 @@ class UnknownNameError(PiecError, ValueError):
         known: the valid names.
     """
 
-    def __init__(self, kind: str, name: object, known: Iterable[str]):
-        names = sorted(known)
+    def __init__(self, kind: str, name: object, known: Iterable[object]):
+        self._given = (kind, name, tuple(known))
+        names = sorted(map(str, self._given[2]))
         close = difflib.get_close_matches(str(name), names, n=1)
         hint = f" Did you mean {close[0]!r}?" if close else ""
         super().__init__(f"unknown {kind} {name!r}; known: {', '.join(names)}.{hint}")
+
+    def __reduce__(self):
+        return type(self), self._given  # so that it crosses process borders
+
+
+def check_name(kind: str, name: object, known: Iterable[object]) -> None:
+    """Refuse a name that is not one of the known ones.
+
+    Args:
+        kind: what the name was meant to name.
+        name: the name given; anything, also what has no hash.
+        known: the valid names.
+
+    Raises:
+        UnknownNameError: if it is not among them.
+    """
+    known = tuple(known)
+    if name not in known:
+        raise UnknownNameError(kind, name, known)
 
 
 class InvalidShapeError(PiecError, ValueError):
@@ -59,6 +79,10 @@ class MissingDependencyError(PiecError, ImportError):
     """
 
     def __init__(self, package: str, extra: str):
+        self._given = (package, extra)
         super().__init__(
             f"{package!r} is not installed; it comes with the extra {extra!r}: pip install 'piec-envs[{extra}]'"
         )
+
+    def __reduce__(self):
+        return type(self), self._given

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from piec_envs.config import EnvConfig
-from piec_envs.errors import InvalidStateError, UnknownNameError
+from piec_envs.errors import InvalidStateError, check_name
 from piec_envs.geometry.distance import scene_distances
 from piec_envs.state import PlantParams, State
 from piec_envs.tasks import Task
@@ -43,8 +43,7 @@ class StartSampler:
             UnknownNameError: for an option that does not exist.
         """
         for name in options or {}:
-            if name not in OPTIONS:
-                raise UnknownNameError("reset option", name, OPTIONS)
+            check_name("reset option", name, OPTIONS)
         return dict(options or {})
 
     def draw(self, params: PlantParams, seed: int, rng: np.random.Generator, given: Any, row: int) -> State:
@@ -83,8 +82,7 @@ class StartSampler:
     def _fill(self, fresh: State, given: Mapping[str, Any]) -> None:
         fresh.pose[0] = self.task.start
         for name, value in given.items():
-            if name not in STATE_FIELDS:
-                raise UnknownNameError("state field", name, STATE_FIELDS)
+            check_name("state field", name, STATE_FIELDS)
             target = getattr(fresh, name)
             value = np.asarray(value, dtype=float)
             if value.shape not in (target[0].shape, target.shape):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.world.objects import OBJECTS
 
 DISTURBANCE_KINDS = ("gaussian", "direction")
@@ -48,8 +48,7 @@ class PlantParams:
             ("object", OBJECTS),
             ("disturbance_kind", DISTURBANCE_KINDS),
         ):
-            if getattr(self, kind) not in known:
-                raise UnknownNameError(kind, getattr(self, kind), known)
+            check_name(kind, getattr(self, kind), known)
         for name in ("friction", "disturbance", "adversary"):
             try:
                 value = float(getattr(self, name))
@@ -69,8 +68,7 @@ class PlantParams:
         """
         names = [field.name for field in dataclasses.fields(self)]
         for name in changes:
-            if name not in names:
-                raise UnknownNameError("plant parameter", name, names)
+            check_name("plant parameter", name, names)
         return dataclasses.replace(self, **changes)
 
 

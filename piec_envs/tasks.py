@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 from piec_envs.kernels import batch_kernel
 
 REWARD_SCALE = 1e-3  # reward = -REWARD_SCALE * stage cost, of order 1 per step
@@ -107,8 +107,7 @@ def get_task(name: str) -> Task:
     Raises:
         UnknownNameError: if the table has no such row.
     """
-    if name not in TASKS:
-        raise UnknownNameError("task", name, TASKS)
+    check_name("task", name, TASKS)
     return TASKS[name]()
 
 

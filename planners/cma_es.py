@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from piec_envs.core import EpisodeBatch
 from piec_envs.env import PlanarArmEnv
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import make_field
 from piec_envs.state import State
 from piec_envs.tasks import MEASURES
@@ -69,8 +69,7 @@ class CmaEsPlanner:
 
     def __post_init__(self):
         get_objective(self.objective)
-        if self.start not in STARTS:
-            raise UnknownNameError("start", self.start, STARTS)
+        check_name("start", self.start, STARTS)
         for name in ("population", "iterations", "restarts", "via_points", "escape_every"):
             if getattr(self, name) < 1:
                 raise InvalidParameterError(f"{name} must be at least 1, got {getattr(self, name)}")

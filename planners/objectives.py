@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from piec_envs.core import EpisodeBatch
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 from piec_envs.geometry.distance import self_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
@@ -50,8 +50,7 @@ def get_objective(name: str) -> Objective:
     Raises:
         UnknownNameError: if the table has no such row.
     """
-    if name not in OBJECTIVES:
-        raise UnknownNameError("objective", name, OBJECTIVES)
+    check_name("objective", name, OBJECTIVES)
     return OBJECTIVES[name]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from evaluation.commands import Report, settings
 from evaluation.studies import PUSH
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, check_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,8 +46,7 @@ def _check(chosen: dict[str, Any], default: Any) -> None:
     """Refuse settings that the planner does not have, or of another type than its defaults."""
     known = [item.name for item in dataclasses.fields(default)]
     for name, value in chosen.items():
-        if name not in known:
-            raise UnknownNameError("planner setting", name, known)
+        check_name("planner setting", name, known)
         usual = getattr(default, name)
         number = isinstance(usual, float) and isinstance(value, int) and not isinstance(value, bool)
         if not number and type(value) is not type(usual):

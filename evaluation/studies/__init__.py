@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 
 PUSH = "piec_envs/PlanarArmPush-v0"  # the env of the planar studies
 
@@ -58,6 +58,5 @@ def get_study(name: str) -> Study:
     Raises:
         UnknownNameError: if the table has no such row.
     """
-    if name not in STUDIES:
-        raise UnknownNameError("study", name, STUDIES)
+    check_name("study", name, STUDIES)
     return STUDIES[name]

@@ -82,10 +82,10 @@ def solve_osqp(problem: ContactProblem) -> ContactSolution:
     A = sparse.csc_matrix(np.hstack([problem.rows, np.eye(m) / unit]) if c else problem.rows)
     solver = osqp.OSQP()
     solver.setup(
-        P, linear, A, l=-problem.gap, u=np.full(m, np.inf), verbose=False, polishing=True,
-        eps_abs=1e-10, eps_rel=1e-10, max_iter=100_000, scaling=20,
+        P, linear, A, l=-problem.gap, u=np.full(m, np.inf), verbose=False,
+        eps_abs=1e-12, eps_rel=1e-12, max_iter=100_000,
     )  # fmt: skip
-    result = solver.solve()
+    result = solver.solve(raise_error=False)
     return ContactSolution(result.x[:d], np.maximum(-result.y, 0.0))
 
 

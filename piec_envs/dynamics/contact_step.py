@@ -98,7 +98,7 @@ def place(scene, q, pose, work):
 
 @kernel
 def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
-    """q_cmd <- clip(q_cmd + h u, limits), then at most max_lead from the joint."""
+    """q_cmd <- q_cmd + h u, at most max_lead from the joint and within the joint limits."""
     for j in range(q.shape[0]):
         a = target[j]
         if absolute:
@@ -106,10 +106,9 @@ def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
         a = min(max(a, -1.0), 1.0)
         action[j] = a
         command = q_cmd[j] + CONTROL_PERIOD * (a * scene.speed_limit[j])
-        command = min(max(command, scene.lower[j]), scene.upper[j])
         if not model.unlimited_lead:
             command = min(max(command, q[j] - scene.max_lead[j]), q[j] + scene.max_lead[j])
-        new_cmd[j] = command
+        new_cmd[j] = min(max(command, scene.lower[j]), scene.upper[j])
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
 from piec_envs.dynamics.reference import rollout_rows_osqp
-from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, InvalidStateError, check_name
 from piec_envs.parallel import run_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -32,8 +32,7 @@ class QuasiDynamics:
     name = "quasi_dynamic"
 
     def __init__(self, solver: str = "fast", model: ContactModel | None = None, threads: int | None = None):
-        if solver not in SOLVERS:
-            raise UnknownNameError("solver", solver, SOLVERS)
+        check_name("solver", solver, SOLVERS)
         model = model or ContactModel()
         if model.compliance < 0 or model.push_out < 0:
             raise InvalidParameterError(f"compliance and push_out must be at least 0, got {model}")

@@ -46,7 +46,9 @@ def _clip_to_circle(radius, x, y, to_x, to_y):
     d_x, d_y = to_x - x, to_y - y
     a, b, c = d_x * d_x + d_y * d_y, x * d_x + y * d_y, x * x + y * y - radius * radius
     w = (-b + np.sqrt(b * b - a * c)) / a
-    return x + w * d_x, y + w * d_y
+    n_x, n_y = x + w * d_x, y + w * d_y
+    scale = radius * (1.0 + 1e-15) / np.hypot(n_x, n_y)  # on the outer side of rounding, where T is 0
+    return scale * n_x, scale * n_y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

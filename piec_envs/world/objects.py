@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.errors import InvalidShapeError, UnknownNameError
+from piec_envs.errors import InvalidShapeError, check_name
 from piec_envs.world.shapes import RoundedPolygon, disc, regular_polygon
 
 # A key point nearer to the object's surface than this would enter the wall of the escape field
@@ -87,6 +87,5 @@ def get_object(name: str) -> Object:
     Raises:
         UnknownNameError: if the table has no such row.
     """
-    if name not in OBJECTS:
-        raise UnknownNameError("object", name, OBJECTS)
+    check_name("object", name, OBJECTS)
     return OBJECTS[name]

@@ -8,13 +8,12 @@ import gymnasium as gym
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 
 
 def _inject(env: Any, names: tuple[str, ...], params: dict[str, Any]) -> None:
     for name in params:
-        if names and name not in names:
-            raise UnknownNameError("parameter of this wrapper", name, names)
+        check_name("parameter of this wrapper", name, names or (name,))
     env.unwrapped.set_params(params)
 
 

@@ -39,7 +39,7 @@ def test_no_point_escapes_faster_than_in_a_straight_line(q, method, leak, seed):
     points = np.random.default_rng(seed).uniform(-1.6, 1.6, (50, 2))
     T = GridField(method=method, speed=SpeedModel(leak=leak)).query(points, q)
     assert not np.isnan(T).any()
-    assert (T >= bound(points) * (1 - 1e-12)).all()
+    assert (T - bound(points) >= -1e-9).all()
     outside = np.hypot(*points.T) >= R
     assert (T[outside] == 0).all()
     assert (T[~outside] > 0).all()
@@ -70,7 +70,7 @@ def test_points_in_a_hard_wall_are_inf_and_in_a_leaky_one_slow(field):
     points = np.array([[0.5, 0.0], [0.7, 0.07]])  # inside the straight arm, and 0.02 m from it
     assert (GridField(method=field.method, speed=HARD).query(points, np.zeros(4)) == np.inf).all()
     T = field.query(points, np.zeros(4))
-    assert np.isfinite(T).all() and (T > bound(points)).all()
+    assert np.isfinite(T).all() and (T - bound(points) > 0).all()
 
 
 def test_the_wall_of_the_leaky_field_leaves_reachable_points_alone():
@@ -118,7 +118,7 @@ def test_escape_time_falls_strictly_along_the_path_to_the_circle(q, method, leak
         return
     assert (np.diff(T) < 0).all()
     assert np.hypot(*path[-1]) == pytest.approx(R, rel=1e-12)
-    assert T[-1] == pytest.approx(0, abs=1e-9)
+    assert T[-1] == 0
 
 
 def test_time_along_the_path_is_the_escape_time():
@@ -135,7 +135,7 @@ def test_time_along_the_path_is_the_escape_time():
 
 def test_point_gradients_have_the_norm_of_the_eikonal_equation_and_the_right_direction(field):
     points, q = sample("curled", 30, 20)
-    T, dT_dp = field.point_gradients(points, q)
+    _, dT_dp = field.point_gradients(points, q)
     norm = np.linalg.norm(dT_dp, axis=-1)
     slow = np.array([1 / field.speed.speed(robot_distance("planar_arm", p, c)) for p, c in zip(points, q, strict=True)])
     np.testing.assert_allclose(norm[norm > 0], slow[norm > 0], rtol=1e-9)

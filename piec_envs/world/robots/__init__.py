@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 from piec_envs.world.robots.planar_arm import planar_arm
 from piec_envs.world.robots.robot import Joint, Link, Robot
 
@@ -18,8 +18,7 @@ def get_robot(name: str) -> Robot:
     Raises:
         UnknownNameError: if the table has no such row.
     """
-    if name not in ROBOTS:
-        raise UnknownNameError("robot", name, ROBOTS)
+    check_name("robot", name, ROBOTS)
     return ROBOTS[name]()
 
 
