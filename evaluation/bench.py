@@ -19,9 +19,9 @@ from tqdm import tqdm
 import piec_envs  # noqa: F401  registers the environments
 from evaluation.records import versions
 from evaluation.studies import PUSH
-from piec_envs.core import EpisodeBatch
 from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.escape.grid import GridField
 from piec_envs.parallel import available_threads
 from planners import CmaEsPlanner, Plan

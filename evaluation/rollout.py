@@ -12,12 +12,12 @@ from tqdm import tqdm
 import piec_envs  # noqa: F401  registers the environments
 from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol, is_random
-from piec_envs.core import EpisodeBatch
+from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.info import batch_info
+from piec_envs.episodes.tasks import MEASURES
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.info import batch_info
 from piec_envs.registration import ENVS
-from piec_envs.tasks import MEASURES
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
 NOT_IN_SPEC = ("threads", "render_mode")  # keyword arguments that change no result

@@ -9,13 +9,13 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from piec_envs.config import EnvConfig
-from piec_envs.core import EpisodeBatch, Rollout
+from piec_envs.episodes.batch import EpisodeBatch, Rollout
+from piec_envs.episodes.config import EnvConfig
+from piec_envs.episodes.info import batch_info, row_info
+from piec_envs.episodes.observation import observation_bound, observation_layout
+from piec_envs.episodes.state import State
+from piec_envs.episodes.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
 from piec_envs.errors import InvalidParameterError, check_name
-from piec_envs.info import batch_info, row_info
-from piec_envs.observation import observation_bound, observation_layout
-from piec_envs.state import State
-from piec_envs.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
 
 SEED_BOUND = 2**63 - 1
 RENDER_MODES = ("rgb_array",)
@@ -101,7 +101,10 @@ def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls
 class PlanarArmEnv(gym.Env):
     """Base class of the single environments of the planar arm; see the subclasses."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 50,
+    }
     task_name: ClassVar[str]
 
     def __init__(self, dtype: str = "float64", render_mode: str | None = None, **options: Any):
@@ -187,7 +190,7 @@ class PlanarArmEnv(gym.Env):
         """Draw the present state, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             return None
-        from piec_envs.rendering import render_frame
+        from piec_envs.rendering.frame import render_frame
 
         return render_frame(self._batch, 0, np.array(self._trail))
 

@@ -10,11 +10,11 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from piec_envs.core import EpisodeBatch, Rollout
 from piec_envs.env import RENDER_MODES, SEED_BOUND, Interface, make_config, rollout, take_row
+from piec_envs.episodes.batch import EpisodeBatch, Rollout
+from piec_envs.episodes.info import batch_info, with_masks
+from piec_envs.episodes.state import State
 from piec_envs.errors import InvalidActionError, InvalidParameterError
-from piec_envs.info import batch_info, with_masks
-from piec_envs.state import State
 
 
 class PlanarArmVectorEnv(VectorEnv):
@@ -29,7 +29,7 @@ class PlanarArmVectorEnv(VectorEnv):
         options: the arguments of `EnvConfig`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
         "render_modes": list(RENDER_MODES),
         "render_fps": 50,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -111,7 +111,7 @@ class PlanarArmVectorEnv(VectorEnv):
 
     def _begin(self, rows: np.ndarray, options: dict[str, Any]) -> None:
         """Begin new episodes in some rows."""
-        seeds = [int(self._generators[row].integers(SEED_BOUND)) for row in rows]  # type: ignore[union-attr]
+        seeds = [int(self._generators[row].integers(SEED_BOUND)) for row in rows]
         self._batch.reset(rows, seeds, options)
         self._elapsed[rows] = 0
         self._ended[rows] = False
@@ -120,7 +120,7 @@ class PlanarArmVectorEnv(VectorEnv):
         """Last observation and info of the rows that begin anew within this step."""
         final_obs = np.full(self.num_envs, None, dtype=object)
         for row in np.flatnonzero(ended):
-            final_obs[row] = take_row(observation, row)
+            final_obs[row] = take_row(observation, int(row))
         return {
             "final_obs": final_obs,
             "_final_obs": ended.copy(),
@@ -165,7 +165,7 @@ class PlanarArmVectorEnv(VectorEnv):
         """One frame for each row; None without a render mode."""
         if self.render_mode is None:
             return None
-        from piec_envs.rendering import render_frame
+        from piec_envs.rendering.frame import render_frame
 
         return tuple(render_frame(self._batch, row) for row in range(self.num_envs))
 

@@ -92,7 +92,7 @@ class Plan:
                     raise PlanError(f"{path} has format {data['format']}, but {FORMAT} is needed")
                 meta = json.loads(str(data["meta"]))
                 arrays = {name: np.array(data[name], dtype=float) for name in ("path", "via_points")}
-            plan = cls(**{**meta, "joints": tuple(meta["joints"])}, **arrays)
+            plan = cls(**{**meta, **arrays, "joints": tuple(meta["joints"])})
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             if isinstance(error, PlanError):
                 raise

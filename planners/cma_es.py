@@ -10,12 +10,12 @@ import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
-from piec_envs.core import EpisodeBatch
 from piec_envs.env import PlanarArmEnv
+from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.state import State
+from piec_envs.episodes.tasks import MEASURES
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import make_field
-from piec_envs.state import State
-from piec_envs.tasks import MEASURES
 from planners.base import Plan
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective

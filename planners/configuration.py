@@ -5,8 +5,8 @@ from __future__ import annotations
 import cma
 import numpy as np
 
-from piec_envs.core import EpisodeBatch
 from piec_envs.dynamics.base import Commands, Plant
+from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.escape.field import EscapeField, object_escape_time
 from piec_envs.world.objects import get_object
 

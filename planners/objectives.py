@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.core import EpisodeBatch
+from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.state import State
 from piec_envs.errors import check_name
 from piec_envs.geometry.distance import self_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
 from piec_envs.parallel import run_rows
-from piec_envs.state import State
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piec_envs.config import EnvConfig
-from piec_envs.core import EpisodeBatch
-from piec_envs.drawing import base_position, link_outlines, robot_frames
-from piec_envs.field_drawing import FIELD_TOP, _filled
-from piec_envs.rendering import picture_field, render_frame
+from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.config import EnvConfig
+from piec_envs.rendering.drawing import base_position, link_outlines, robot_frames
+from piec_envs.rendering.field import FIELD_TOP, _filled
+from piec_envs.rendering.frame import picture_field, render_frame
 from piec_envs.world.objects import OBJECTS
 from piec_envs.world.robots import ROBOTS, get_robot
 
@@ -97,10 +97,10 @@ def test_picture_of_an_enclosed_place_is_finite_and_dark():
 
 def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
     code = (
-        "import sys, numpy as np, piec_envs, piec_envs.rendering; early = 'matplotlib' in sys.modules\n"
-        "from piec_envs.config import EnvConfig; from piec_envs.core import EpisodeBatch\n"
+        "import sys, numpy as np, piec_envs, piec_envs.rendering.frame; early = 'matplotlib' in sys.modules\n"
+        "from piec_envs.episodes.config import EnvConfig; from piec_envs.episodes.batch import EpisodeBatch\n"
         "batch = EpisodeBatch(EnvConfig('push'), 1); batch.reset(np.array([0]), [0])\n"
-        "piec_envs.rendering.render_frame(batch, 0, size=100)\n"
+        "piec_envs.rendering.frame.render_frame(batch, 0, size=100)\n"
         "print(early, 'matplotlib.pyplot' in sys.modules)"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -28,10 +28,10 @@ def _tables() -> dict[str, dict[str, str]]:
     from evaluation.protocols import PROTOCOLS
     from evaluation.studies import STUDIES
     from piec_envs.dynamics.quasi_dynamic import SOLVERS
+    from piec_envs.episodes.state import DYNAMICS_NAMES
+    from piec_envs.episodes.tasks import PRESETS, PRIORS
     from piec_envs.escape.field import FIELDS
     from piec_envs.registration import ENVS
-    from piec_envs.state import DYNAMICS_NAMES
-    from piec_envs.tasks import PRESETS, PRIORS
     from piec_envs.world.objects import OBJECTS
     from piec_envs.world.robots import ROBOTS, get_robot
     from planners.objectives import OBJECTIVES

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import LOOK, Trajectory, bounds, mix, mode_of, show_scene
-from piec_envs.drawing import INK, OBJECT, draw_goal, link_outlines, robot_frames
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
-from piec_envs.rendering import pixels
+from piec_envs.rendering.drawing import INK, OBJECT, draw_goal, link_outlines, robot_frames
+from piec_envs.rendering.frame import pixels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

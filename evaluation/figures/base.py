@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.tables import write_atomic
-from piec_envs.drawing import INK, link_outlines
 from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.tasks import GOAL_RADIUS
+from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.rendering.drawing import INK, link_outlines
 from piec_envs.world.objects import Object, get_object
 from piec_envs.world.robots import Robot, get_robot
 

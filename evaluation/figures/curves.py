@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import Mode, figure_file, mix, mode_of
-from piec_envs.drawing import GOAL, INK
 from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.tasks import GOAL_RADIUS
+from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.rendering.drawing import GOAL, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import GREY, MEAN, NOMINAL, Trajectory, bounds, figure_file, mix, mode_of, show_scene
-from piec_envs.drawing import (
+from piec_envs.escape.field import CAGING_SCALE, object_escape_time
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.rendering.drawing import (
     GOAL,
     INK,
     base_position,
@@ -22,10 +24,8 @@ from piec_envs.drawing import (
     draw_reference,
     draw_robot,
 )
-from piec_envs.escape.field import CAGING_SCALE, object_escape_time
-from piec_envs.escape.speed import SpeedModel
-from piec_envs.field_drawing import FieldStyle, draw_field
-from piec_envs.rendering import picture_field
+from piec_envs.rendering.field import FieldStyle, draw_field
+from piec_envs.rendering.frame import picture_field
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

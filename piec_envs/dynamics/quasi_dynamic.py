@@ -74,11 +74,16 @@ def _check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands
         InvalidStateError: if a shape differs from that of the commands.
     """
     batch, steps, n = commands.values.shape
-    shapes = {"q_r": (q_r, (batch, n)), "q_cmd": (q_cmd, (batch, n)), "pose": (pose, (batch, 3))}
-    shapes["friction"] = (plant.friction, (batch,))
-    if commands.displacement is not None:
-        shapes["displacement"] = (commands.displacement, (batch, steps, 2))
-    for name, (array, shape) in shapes.items():
+    expected = [
+        ("q_r", q_r, (batch, n)),
+        ("q_cmd", q_cmd, (batch, n)),
+        ("pose", pose, (batch, 3)),
+        ("friction", plant.friction, (batch,)),
+        ("displacement", commands.displacement, (batch, steps, 2)),
+    ]
+    for name, array, shape in expected:
+        if array is None:
+            continue
         if array.shape != shape:
             raise InvalidStateError(f"{name} must have shape {shape}, got {array.shape}")
     if len(plant.objects) != batch or get_robot(plant.robot).dof != n:

@@ -168,7 +168,7 @@ def value(field, x, y):
     else:
         t, e_x, e_y = _bellman(field, x, y, i, j, in_wall)
         if t >= FAR and field.speed.leak > 0.0:  # a pocket without a free node: out through the wall
-            t, e_x, e_y = _bellman(field, x, y, i, j, True)
+            t, e_x, e_y = _bellman(field, x, y, i, j, not in_wall)
         if t >= FAR:
             return np.inf, 0.0, 0.0
         e_x, e_y = e_x - x, e_y - y

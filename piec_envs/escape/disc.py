@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, uint64
 
+from piec_envs.escape.between import Field
 from piec_envs.escape.marching import march, sort_by_time
 from piec_envs.escape.speed import cost_map, distance_map
 from piec_envs.escape.sweeping import FAR, WALL, Diagonals, diagonal_layout, sweep_to_rest, to_diagonals
@@ -117,7 +118,7 @@ def make_scratch(scene, disc):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def place_robot(scene, base, q, scratch):
-    """Frames and vertices of a configuration relative to its base.
+    """Frames and vertices of a configuration relative to its base, whose position is returned.
 
     Args:
         scene: a `PackedScene`.
@@ -129,8 +130,9 @@ def place_robot(scene, base, q, scratch):
     place_shapes(scene.robot, scratch.frames, scratch.vertices, scratch.centres)
     x, y = scratch.frames[base, 0], scratch.frames[base, 1]
     for array in (scratch.frames, scratch.vertices):
-        array[:, 0] -= x
-        array[:, 1] -= y
+        for i in range(array.shape[0]):
+            array[i, 0] -= x
+            array[i, 1] -= y
     return x, y
 
 
@@ -180,18 +182,21 @@ def _give_edge(speed, disc, scratch):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve_disc(scene, speed, disc, second_order, scratch):
+def solve_disc(robot, speed, disc, second_order, scratch):
     """Escape time of a placed robot at every node of the grid.
 
     Args:
-        scene: a `PackedScene`.
+        robot: the robot's `PackedShapes`.
         speed: a `PackedSpeed`.
         disc: a `Disc`.
         second_order: whether second-order marching follows the first-order sweeps.
         scratch: a `Scratch` with the vertices placed; `time` and `distance` are written.
+
+    Returns:
+        The solution as a `Field`, which lives in the scratch.
     """
     m = disc.inside
-    distance_map(scene.robot, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
+    distance_map(robot, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
     cost_map(speed, scratch.near, disc.h, scratch.cost)
     _give_edge(speed, disc, scratch)
     _first_order(disc, scratch)
@@ -205,3 +210,5 @@ def solve_disc(scene, speed, disc, second_order, scratch):
     if second_order:
         sort_by_time(first, scratch.keys[:m], scratch.orders[0, :m], scratch.orders[1, :m])
         march(time, scratch.cost, disc.bound.ravel(), scratch.orders[0, :m], disc.node, disc.axis.shape[0])
+    shape = robot.first, robot.radius, scratch.vertices
+    return Field(disc.radius, disc.h, disc.axis[0], speed, *shape, scratch.time, scratch.distance)

@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
-from piec_envs.escape.between import Field, distance_at, value
+from piec_envs.escape.between import distance_at, value
 from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, configuration_gradient, trace
 from piec_envs.escape.speed import SpeedModel, slowness
+from piec_envs.escape.sweeping import FAR
 from piec_envs.parallel import run_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -31,14 +32,6 @@ class FieldMap(NamedTuple):
     y: np.ndarray  # (N,) m
     T: np.ndarray  # (N, N) s, 0 outside the disc, inf where nothing leads out
     speed: np.ndarray  # (N, N) m/s
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _field(scene, speed, disc, scratch):
-    """The solved configuration as a `Field`."""
-    first, rounding = scene.robot.first, scene.robot.radius
-    solved = scratch.vertices, scratch.time, scratch.distance
-    return Field(disc.radius, disc.h, disc.axis[0], speed, first, rounding, *solved)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -66,8 +59,7 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
     scratch = make_scratch(scene, disc)
     for row in range(lo, hi):
         b_x, b_y = place_robot(scene, base, q[row], scratch)
-        solve_disc(scene, speed, disc, second_order, scratch)
-        field = _field(scene, speed, disc, scratch)
+        field = solve_disc(scene.robot, speed, disc, second_order, scratch)
         for k in range(points.shape[1]):
             x, y = points[row, k, 0] - b_x, points[row, k, 1] - b_y
             t, e_x, e_y = value(field, x, y)
@@ -78,20 +70,6 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
             if level >= ALL_GRADIENTS:
                 configuration_gradient(scene, base, scratch.frames, field, (x, y), slopes_q[row, k])
                 _base_gradient(scene, scratch.frames, base, slopes_p[row, k, 0], slopes_p[row, k, 1], slopes_q[row, k])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw(scene, speed, disc, plan, q, point, time, distance, path):
-    """Whole field of one configuration (N, N) and the path from a point; returns its length and the base's x, y."""
-    second_order, base, _ = plan
-    scratch = make_scratch(scene, disc)
-    b_x, b_y = place_robot(scene, base, q, scratch)
-    solve_disc(scene, speed, disc, second_order, scratch)
-    time[:], distance[:] = scratch.time, scratch.distance
-    count = trace(_field(scene, speed, disc, scratch), point[0] - b_x, point[1] - b_y, path)
-    path[:, 0] += b_x
-    path[:, 1] += b_y
-    return count, b_x, b_y
 
 
 class GridField:
@@ -210,10 +188,10 @@ class GridField:
         Raises:
             InvalidStateError: if q_r has the wrong shape or is not finite.
         """
-        time, distance, _, base = self._solve(np.zeros(2), q_r)
+        field, base = self._solve(self._rows(np.empty((0, 2)), q_r)[1][0])
         outside = self._disc.bound <= 0  # (N, N)
-        T = np.where(time < 1e29, np.maximum(time, 0.0), np.inf)
-        speed = np.where(outside, self.u_bar, self.speed.speed(distance))
+        T = np.where(field.time < FAR, np.maximum(field.time, 0.0), np.inf)
+        speed = np.where(outside, self.u_bar, self.speed.speed(field.distance))
         return FieldMap(self._disc.axis + base[0], self._disc.axis + base[1], np.where(outside, 0.0, T), speed)
 
     def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
@@ -230,22 +208,17 @@ class GridField:
         Raises:
             InvalidStateError: if the shapes do not fit or a number is not finite.
         """
-        return self._solve(point, q_r)[2]
-
-    def _solve(self, point, q_r):
-        """Time and distance at the nodes, the path from a point, and the base's position."""
-        points, q, single = self._rows(np.asarray(point, dtype=float).reshape(1, -1), q_r)
-        if not single:
-            raise InvalidStateError(f"one configuration is needed, got q_r of shape {np.shape(q_r)}")
-        time, distance = np.empty((2, self.resolution, self.resolution))
+        points, q, _ = self._rows(np.reshape(point, (1, 2)), q_r)
+        field, base = self._solve(q[0])
         path = np.empty((MAX_STEPS_PER_NODE * self.resolution, 2))
-        count, *base = _draw(
-            self._scene, self._packed, self._disc, self._plan(VALUE), q[0], points[0, 0], time, distance, path
-        )
-        return time, distance, path[:count].copy(), base
+        count = trace(field, *(points[0, 0] - base), path)
+        return path[:count] + base
 
-    def _plan(self, level):
-        return METHODS[self.method], self._base, level
+    def _solve(self, q):
+        """One configuration as a `Field`, and the position of the base."""
+        scratch = make_scratch(self._scene, self._disc)
+        base = place_robot(self._scene, self._base, q, scratch)
+        return solve_disc(self._scene.robot, self._packed, self._disc, METHODS[self.method], scratch), np.array(base)
 
     def _rows(self, points, q_r):
         """Points (B, k, 2) and configurations (B, n), checked, and whether a single row was given."""
@@ -268,6 +241,6 @@ class GridField:
         rows, k = points.shape[:2]
         p_size, q_size = 2 * (level >= POINT_GRADIENT), self._dof * (level >= ALL_GRADIENTS)
         out = np.empty((rows, k)), np.empty((rows, k, p_size)), np.empty((rows, k, q_size))
-        plan = self._plan(level)
+        plan = METHODS[self.method], self._base, level
         run_rows(_answer, rows, self.threads, self._scene, self._packed, self._disc, plan, q, points, out)
         return tuple(array[0] for array in out) if single else out

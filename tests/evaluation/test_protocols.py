@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 
 from evaluation.protocols import PROTOCOLS, get_protocol, is_random
-from piec_envs.config import EnvConfig
+from piec_envs.episodes.config import EnvConfig
+from piec_envs.episodes.state import PlantParams
 from piec_envs.errors import UnknownNameError
-from piec_envs.state import PlantParams
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)

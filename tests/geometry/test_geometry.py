@@ -74,7 +74,7 @@ def test_distances_turn_with_the_scene(q, pose, name, turn):
     turned = np.array([c * pose[0] - s * pose[1], s * pose[0] + c * pose[1], pose[2] + turn])
     before, after = np.empty(4), np.empty(4)
     scene_distances(scene, q, pose, before)
-    scene_distances(scene, q + [turn, 0, 0, 0], turned, after)
+    scene_distances(scene, q + turn * np.eye(4)[0], turned, after)
     np.testing.assert_allclose(before, after, atol=1e-12)
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from piec_envs.dynamics.base import Motion
-from piec_envs.state import State
-from piec_envs.tasks import MEASURES
+from piec_envs.episodes.state import State
+from piec_envs.episodes.tasks import MEASURES
 
 
 @dataclass(frozen=True, eq=False)

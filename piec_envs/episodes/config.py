@@ -11,10 +11,10 @@ import numpy as np
 
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
+from piec_envs.episodes.state import PlantParams, check_randomize
+from piec_envs.episodes.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import EscapeField, make_field
-from piec_envs.state import PlantParams, check_randomize
-from piec_envs.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from piec_envs.drawing import draw_workspace, link_outlines, union_patch
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.escape.grid import FieldMap
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.rendering.drawing import draw_workspace, link_outlines, union_patch
 from piec_envs.world.robots import Robot
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.episodes.state import State
 from piec_envs.escape.field import EscapeField, key_points_world, object_escape_time
-from piec_envs.state import State
 from piec_envs.world.objects import get_object
 
 

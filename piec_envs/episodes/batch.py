@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.caging import refresh_escape
-from piec_envs.config import EnvConfig
 from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.episodes.caging import refresh_escape
+from piec_envs.episodes.config import EnvConfig
+from piec_envs.episodes.observation import observation_layout, observe_rows
+from piec_envs.episodes.rollout import Rollout, join_motions
+from piec_envs.episodes.start import StartSampler
+from piec_envs.episodes.state import PARAM_KINDS, State, draw_params
+from piec_envs.episodes.tasks import MEASURES, measure_rows
 from piec_envs.errors import InvalidActionError, InvalidParameterError
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.observation import observation_layout, observe_rows
 from piec_envs.parallel import run_rows
-from piec_envs.rollout import Rollout, join_motions
-from piec_envs.start import StartSampler
-from piec_envs.state import PARAM_KINDS, State, draw_params
-from piec_envs.tasks import MEASURES, measure_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.core import EpisodeBatch
+from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.tasks import MEASURES, TRACKING_TOLERANCE
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.tasks import MEASURES, TRACKING_TOLERANCE
 
 _COLUMNS = {name: i for i, name in enumerate(MEASURES)}
 _REPORTED = tuple((name, i) for name, i in _COLUMNS.items() if name not in ("cost", "tracking_error"))

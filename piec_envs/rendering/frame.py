@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from piec_envs.drawing import (
+from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.episodes.tasks import MEASURES
+from piec_envs.escape.field import CAGING_SCALE
+from piec_envs.escape.grid import GridField
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.rendering.drawing import (
     INK,
     base_position,
     draw_escape_path,
@@ -18,19 +23,14 @@ from piec_envs.drawing import (
     draw_trail,
     draw_workspace,
 )
-from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.escape.grid import GridField
-from piec_envs.escape.speed import SpeedModel
-from piec_envs.field_drawing import FieldStyle, draw_field
-from piec_envs.tasks import MEASURES
+from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.world.objects import get_object
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from piec_envs.core import EpisodeBatch
+    from piec_envs.episodes.batch import EpisodeBatch
 
 INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
 RESOLUTION = 100  # nodes a side of the field in a picture

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.config import EnvConfig
+from piec_envs.episodes.config import EnvConfig
+from piec_envs.episodes.state import PlantParams, State
+from piec_envs.episodes.tasks import Task
 from piec_envs.errors import InvalidStateError, check_name
 from piec_envs.geometry.distance import scene_distances
-from piec_envs.state import PlantParams, State
-from piec_envs.tasks import Task
 from piec_envs.world.robots import Robot
 from piec_envs.world.scene import pack_scene
 

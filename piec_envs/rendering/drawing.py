@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.geometry.kinematics import link_frames
-from piec_envs.tasks import GOAL_RADIUS
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import Robot
 from piec_envs.world.scene import pack_scene

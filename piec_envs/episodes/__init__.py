@@ -1,0 +1,1 @@
+"""One batch of episodes behind the single env, the VectorEnv and rollouts."""

@@ -1,0 +1,1 @@
+"""Drawing in software: matplotlib's Agg canvas, never pyplot, no GL."""
