@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from piec_envs.escape.speed import PackedSpeed, slowness
 from piec_envs.escape.sweeping import FAR
 from piec_envs.geometry.distance import closest_on_polygon
+from piec_envs.kernels import kernel
 
 SAMPLES = 4  # of the slowness along a straight step
 RING = np.array(  # (13, 2) the nodes around cell (0, 0) and its corners, in a closed loop: row, column
@@ -38,7 +38,7 @@ class Field(NamedTuple):
     distance: np.ndarray  # (N, N) m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def distance_at(field, x, y):
     """Signed distance from (x, y) to the robot, m: `point_distance` without the closest point."""
     first, radius, corners = field.first, field.round, field.vertices
@@ -57,7 +57,7 @@ def distance_at(field, x, y):
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _straight_time(field, x, y, to_x, to_y):
     """Time of the straight line between two points at the true speed, s."""
     total = 0.0
@@ -67,7 +67,7 @@ def _straight_time(field, x, y, to_x, to_y):
     return total / SAMPLES * np.hypot(to_x - x, to_y - y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _best_share(gap, along, across, h, slow):
     """Minimiser over w in [0, 1] of w gap + slow |(along - w h, across)|, the point of an edge to aim at."""
     if gap >= slow * h:
@@ -78,13 +78,13 @@ def _best_share(gap, along, across, h, slow):
     return min(max(w, 0.0), 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _usable(field, i, j, walled):
     """T of node (i, j), or FAR where it lies in the wall and the wall is not to be used."""
     return field.time[i, j] if walled or field.distance[i, j] > field.speed.d0 else FAR
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _better(field, x, y, start, to_x, to_y, best):
     """The lesser of `best` = (T, to_x, to_y) and the straight step to a point where T is `start`."""
     if start + np.hypot(to_x - x, to_y - y) / field.speed.u_bar >= best[0]:
@@ -93,7 +93,7 @@ def _better(field, x, y, start, to_x, to_y, best):
     return (t, to_x, to_y) if t < best[0] else best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _bellman(field, x, y, i, j, walled):
     """(T, to_x, to_y): the best straight step from a point in cell (i, j) to the nodes and edges around it."""
     h, best = field.h, (FAR, x, y)
@@ -117,7 +117,7 @@ def _bellman(field, x, y, i, j, walled):
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _bilinear(field, x, y, i, j, r):
     """(T, dT/dx, dT/dy) in cell (i, j): T_0 plus the bilinear interpolation of T - T_0."""
     h, u_bar = field.h, field.speed.u_bar
@@ -134,7 +134,7 @@ def _bilinear(field, x, y, i, j, r):
     return (field.radius - r) / u_bar + low + b * (high - low), slope_x - x * scale, slope_y - y * scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _even(field, i, j, in_wall):
     """Whether the four nodes of cell (i, j) are reachable and all on the stated side of the wall."""
     for k in range(4):
@@ -144,7 +144,7 @@ def _even(field, i, j, in_wall):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def value(field, x, y):
     """Escape time at a point and the direction in which it falls fastest.
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 
 from piec_envs.escape.between import Field
 from piec_envs.escape.marching import march, sort_by_time
 from piec_envs.escape.speed import cost_map, distance_map
 from piec_envs.escape.sweeping import FAR, WALL, Diagonals, diagonal_layout, sweep_to_rest, to_diagonals
 from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.kernels import batch_kernel, kernel
 
 MARGIN = 2  # cells between the circle and the border of the grid
 EDGE = 2.9  # nodes this many cells outside the circle take part in the stencils of those inside
@@ -96,7 +97,7 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def make_scratch(scene, disc):
     """Working memory for one thread."""
     n, m = disc.axis.shape[0], disc.x.shape[0]
@@ -116,7 +117,7 @@ def make_scratch(scene, disc):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def place_robot(scene, base, q, scratch):
     """Frames and vertices of a configuration relative to its base, whose position is returned.
 
@@ -136,7 +137,7 @@ def place_robot(scene, base, q, scratch):
     return x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def _first_order(disc, scratch):
     """Sweep, from `scratch.cost` to layout 0 of `scratch.field`."""
     n = disc.axis.shape[0]
@@ -155,7 +156,7 @@ def _first_order(disc, scratch):
     sweep_to_rest(scratch.field, scratch.costs, disc.least, disc.layout)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def _by_rows(disc, field, out):
     """Inside nodes of layout 0 in row order, shape (M,)."""
     width, stride = uint64(field.shape[1]), uint64(field.shape[1] + 1)
@@ -168,7 +169,7 @@ def _by_rows(disc, field, out):
         first += count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def _give_edge(speed, disc, scratch):
     """T of the nodes just outside the disc, which the robot may slow down, s."""
     time, edge, m = scratch.time.ravel(), disc.edge, disc.inside
@@ -181,7 +182,7 @@ def _give_edge(speed, disc, scratch):
             time[disc.node[m + e]] = field[edge[flip, e]] = -beyond * f / disc.h
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def solve_disc(robot, speed, disc, second_order, scratch):
     """Escape time of a placed robot at every node of the grid.
 

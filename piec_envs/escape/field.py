@@ -6,11 +6,11 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.grid import FieldMap, GridField
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.kernels import kernel
 
 CAGING_SCALE = 0.02  # 1/s: caging = 0.02 T, the scale of the paper's plots
 REDUCTIONS = {"mean": np.mean, "max": np.max}
@@ -84,7 +84,7 @@ def _cached_field(name, robot_name, **options):
     return FIELDS[name](robot_name, **options)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _place(key_points, pose, out):
     """out[b, i] = key point i of the object at pose b, shapes (k, 2), (B, 3), (B, k, 2)."""
     for b in range(pose.shape[0]):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.escape.between import distance_at, value
@@ -13,6 +12,7 @@ from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_di
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, configuration_gradient, trace
 from piec_envs.escape.speed import SpeedModel, slowness
 from piec_envs.escape.sweeping import FAR
+from piec_envs.kernels import batch_kernel, kernel
 from piec_envs.parallel import run_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -34,7 +34,7 @@ class FieldMap(NamedTuple):
     speed: np.ndarray  # (N, N) m/s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _base_gradient(scene, frames, base, p_x, p_y, dq):
     """Gradient in the joints that move the base, against whose motion the point moves."""
     for j in range(base):
@@ -42,7 +42,7 @@ def _base_gradient(scene, frames, base, p_x, p_y, dq):
         dq[j] = -p_x * (c * axis[0] - s * axis[1]) - p_y * (s * axis[0] + c * axis[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
     """Rows lo to hi: one solve each, then every point of the row.
 

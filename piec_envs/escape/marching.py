@@ -11,14 +11,14 @@ between them, and there neither contributes to the other.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from piec_envs.escape.sweeping import FAR, sweep
+from piec_envs.kernels import batch_kernel
 
 RADIX_BITS = 11  # three digits hold a float32
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def sort_by_time(time, keys, order, spare):
     """Order of arrival of the nodes, to float32 precision; ties stay in row order.
 
@@ -50,7 +50,7 @@ def sort_by_time(time, keys, order, spare):
         source, target = target, source
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def march(time, cost, least, order, node, width):
     """Second-order arrival times of the nodes, one after the other.
 

@@ -12,20 +12,20 @@ enters and leaves one link by two jumps that nearly cancel, and their difference
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from piec_envs.escape.between import distance_at, value
 from piec_envs.escape.speed import slowness, slowness_slope
 from piec_envs.escape.sweeping import FAR
 from piec_envs.geometry.distance import point_distance
 from piec_envs.geometry.kinematics import point_velocity
+from piec_envs.kernels import batch_kernel, kernel
 
 PATH_STEP = 0.5  # length of a step, in cells, of a path to be shown
 GRADIENT_STEP = 1.0  # and of one to be integrated along
 MAX_STEPS_PER_NODE = 40  # a path has at most this many steps per grid line
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _lower_node(field, x, y, t):
     """The node around a point that is lower than t and quickest to leave by, as (T, x, y)."""
     i, j = int((y - field.start) / field.h), int((x - field.start) / field.h)
@@ -40,7 +40,7 @@ def _lower_node(field, x, y, t):
     return b_t, b_x, b_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _clip_to_circle(radius, x, y, to_x, to_y):
     """The point where the segment from (x, y), inside, to an outside point meets the circle."""
     d_x, d_y = to_x - x, to_y - y
@@ -51,7 +51,7 @@ def _clip_to_circle(radius, x, y, to_x, to_y):
     return scale * n_x, scale * n_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def advance(field, length, x, y, t, e_x, e_y):
     """One step down the field: along the descent, or to a lower node where that does not go down.
 
@@ -85,7 +85,7 @@ def advance(field, length, x, y, t, e_x, e_y):
     return n_x, n_y, n_t, n_ex, n_ey
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def trace(field, x, y, path):
     """Fastest path from a point to the circle.
 
@@ -108,7 +108,7 @@ def trace(field, x, y, path):
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _add_segment(scene, base, frames, field, x, y, to_x, to_y, out):
     """Add one segment's share of dT/dq to `out`, shape (n,)."""
     robot, length = scene.robot, np.hypot(to_x - x, to_y - y)
@@ -119,7 +119,7 @@ def _add_segment(scene, base, frames, field, x, y, to_x, to_y, out):
         out[j] -= weight * (n_x * v_x + n_y * v_y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def configuration_gradient(scene, base, frames, field, point, out):
     """dT/dq_r at a point, by the envelope theorem along its escape path.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from piec_envs.errors import UnknownNameError
 from piec_envs.escape.speed import distance_map
 from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.kernels import batch_kernel
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
@@ -15,7 +15,7 @@ CURL = (0.6, 2.6)  # rad, range of |q_2|, ..., |q_n| in a curled configuration
 CURLED_REACH = 0.35  # m, points of the curled set lie this close to the robot's centroid
 
 
-@njit(cache=True, nogil=True)
+@batch_kernel
 def _distances(scene, q, points, out):
     frames = np.empty((q.shape[1] + 1, 4))
     vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)

@@ -12,9 +12,9 @@ from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from piec_envs.errors import InvalidParameterError
+from piec_envs.kernels import batch_kernel, kernel
 
 
 class PackedSpeed(NamedTuple):
@@ -88,7 +88,7 @@ class SpeedModel:
         return PackedSpeed(*astuple(self))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def decay(z):
     """exp(z) to a relative 1e-12 for |z| <= 20, by ten squarings of a Taylor series, so that loops vectorise.
 
@@ -103,7 +103,7 @@ def decay(z):
     return e
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def slowness(speed, d):
     """1 / u at signed distance d, s/m (inf in the hard wall).
 
@@ -118,7 +118,7 @@ def slowness(speed, d):
     return (inverse if d > speed.d0 else wall) / speed.u_bar
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def slowness_slope(speed, d):
     """d(1/u)/dd away from the wall's edge, s/m^2 (0 inside the wall).
 
@@ -135,7 +135,7 @@ def slowness_slope(speed, d):
     return -speed.s * e * (1.0 - speed.a_min) / (bottom * bottom) / speed.u_bar
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _lower_to_capsule(a, b, radius, x, y, distance):
     """Lower `distance` (M,) to that of the capsule from a to b at the points (x, y)."""
     a_x, a_y = a[0], a[1]
@@ -152,7 +152,7 @@ def _lower_to_capsule(a, b, radius, x, y, distance):
         distance[k] = d if d < distance[k] else distance[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def _lower_to_polygon(corners, radius, x, y, distance, square, depth):
     """Lower `distance` (M,) to that of a rounded polygon with `corners` (k, 2), k > 2, at (x, y)."""
     square[:] = np.inf
@@ -178,7 +178,7 @@ def _lower_to_polygon(corners, radius, x, y, distance, square, depth):
         distance[k] = d if d < distance[k] else distance[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def distance_map(robot, vertices, x, y, distance, work):
     """Signed distance to the robot at many points: `point_distance`, shape by shape, in loops that vectorise.
 
@@ -198,7 +198,7 @@ def distance_map(robot, vertices, x, y, distance, work):
             _lower_to_polygon(vertices[first:last], robot.radius[i], x, y, distance, work[0], work[1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def cost_map(speed, distance, h, out):
     """Slowness times cell size at every distance of an array.
 

@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 
 from piec_envs.errors import InvalidParameterError
+from piec_envs.kernels import batch_kernel
 
 FAR = 1e30  # stands for infinity inside the solvers, where inf - inf must not happen
 WALL = 4e30  # cost of a node in a hard wall
@@ -50,7 +51,7 @@ def _extent(mask: np.ndarray) -> np.ndarray:
     return (np.stack([first, last], -1) * mask.any(-1)[..., None]).astype(np.uint64)
 
 
-@njit(cache=True, nogil=True)
+@batch_kernel
 def to_diagonals(grid, flip, out):
     """out[i + j, j] = grid[i, j], with the rows of `grid` taken from last to first if `flip`.
 
@@ -66,7 +67,7 @@ def to_diagonals(grid, flip, out):
             out[i + j, j] = grid[row, j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@batch_kernel
 def _relax(field, cost, least, first, count, width):
     """Godunov's upwind update of `count` neighbours on one diagonal; returns how many became smaller."""
     changed = 0
@@ -94,7 +95,7 @@ def _relax(field, cost, least, first, count, width):
     return changed
 
 
-@njit(cache=True, nogil=True)
+@batch_kernel
 def _sweep(field, cost, least, span, backwards):
     """One sweep over the diagonals of one layout; returns how many nodes became smaller."""
     changed = 0
@@ -108,7 +109,7 @@ def _sweep(field, cost, least, span, backwards):
     return changed
 
 
-@njit(cache=True, nogil=True)
+@batch_kernel
 def copy_flipped(field, flip, rows):
     """Copy the free nodes from layout `flip` to the other one.
 
@@ -128,7 +129,7 @@ def copy_flipped(field, flip, rows):
             target[end + j * stride] = source[start + j * stride]
 
 
-@njit(cache=True, nogil=True)
+@batch_kernel
 def sweep_to_rest(field, cost, least, layout):
     """Sweep in the four directions in turn until one sweep changes nothing.
 
