@@ -47,6 +47,7 @@ class CmaEsPlanner:
         robust_samples: ... this many disturbed rollouts of the planner's own.
         robust_disturbance: their sigma for each axis, m.
         robust_sigma: first step size of these iterations, rad or m.
+        robust_points: via points that these iterations move; the arm rests from the last of them on.
     """
 
     objective: str = "caging"
@@ -60,19 +61,22 @@ class CmaEsPlanner:
     sigma: float = 0.2
     start: str = "enclose"
     arrive: float = 0.6
-    escape_every: int = 40
+    escape_every: int = 20
     field_resolution: int = 64
     robust_iterations: int = 40
-    robust_samples: int = 4
+    robust_samples: int = 8
     robust_disturbance: float = 0.005
     robust_sigma: float = 0.06
+    robust_points: int = 3
 
     def __post_init__(self):
         get_objective(self.objective)
         check_name("start", self.start, STARTS)
-        for name in ("population", "iterations", "restarts", "via_points", "escape_every"):
+        for name in ("population", "iterations", "restarts", "survivors", "via_points", "escape_every"):
             if getattr(self, name) < 1:
                 raise InvalidParameterError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if not 1 <= self.robust_points <= self.via_points:
+            raise InvalidParameterError(f"robust_points must be 1 to {self.via_points}, got {self.robust_points}")
 
     def plan(self, env_id: str, seed: int = 0, progress: bool = True, **env_kwargs: Any) -> Plan:
         """Plan for an environment.
@@ -142,11 +146,16 @@ class _Search:
             self._polish(bar)
 
     def _polish(self, bar: tqdm) -> None:
-        planner = self.planner
-        via = np.array([self._limit(x) for _, x in self.found])
-        costs = self._final_cost(self._paths(via))
-        strategy = self._strategy(via[int(np.argmin(costs))], planner.robust_sigma, self.seed * 1000 + 500)
-        self.found += self._iterate([strategy], planner.robust_iterations, self._final_cost, bar)
+        """Move the first via points of the best result on, with the arm at rest after them.
+
+        An arm that has closed on the object does best to hold still, which a search over all via
+        points takes long to find.
+        """
+        planner, free = self.planner, self.planner.robust_points
+        via = np.array([self._limit(x)[:free] for _, x in self.found])
+        costs = self._final_cost(self._paths(np.array([self._limit(x) for x in via])))
+        search = self._strategy(via[int(np.argmin(costs))], planner.robust_sigma, self.seed * 1000 + 500)
+        self.found += self._iterate([search], planner.robust_iterations, self._final_cost, bar)
 
     def _final_cost(self, paths: np.ndarray) -> np.ndarray:
         """What the best plan is chosen by."""
@@ -187,8 +196,13 @@ class _Search:
         return home + np.minimum(1.0, np.linspace(0, 1, points + 1)[1:, None] / self.planner.arrive) * (posture - home)
 
     def _limit(self, x) -> np.ndarray:
-        """Candidate as via points within the joint limits, shape (points, n)."""
-        return np.clip(np.asarray(x).reshape(self.planner.via_points, -1), self.lower, self.upper)
+        """Candidate as via points within the joint limits; the arm rests after the last one given.
+
+        Returns:
+            Shape (points, n).
+        """
+        via = np.clip(np.asarray(x).reshape(-1, len(self.lower)), self.lower, self.upper)
+        return np.concatenate([via, np.repeat(via[-1:], self.planner.via_points - len(via), axis=0)])
 
     def _paths(self, via: np.ndarray) -> np.ndarray:
         return np.clip(self.trajectory.path(self.start.q_r[0], via), self.lower, self.upper)

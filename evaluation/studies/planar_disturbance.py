@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from evaluation.figures import distance_bands, final_distances, trajectories
+from evaluation.figures import distance_bands, final_distances, overview, trajectories
 from evaluation.studies.common import (
     PLANNER_SEEDS,
     SMOKE_PLANNER,
@@ -124,9 +124,11 @@ def draw_disturbed(study: StudyRun, cases: list[Case], protocols: tuple[str, ...
         case.label: {sigma_of(name): over_plans(study, case, name, "goal_distance") for name in protocols}
         for case in cases
     }
+    first = first_trajectories(study, cases, protocols[-1])
     final = {label: {sigma: rows[:, -1] for sigma, rows in row.items()} for label, row in distance.items()}
     return study.draw(
         partial(distance_bands, distance, folder / "distance_over_time.png"),
         partial(final_distances, final, folder / "final_distance.png"),
-        partial(trajectories, first_trajectories(study, cases, protocols[-1]), folder / "object_paths.png"),
+        partial(trajectories, first, folder / "object_paths.png"),
+        partial(overview, first, folder / "overview.png"),
     )

@@ -44,10 +44,10 @@ class CostWeights(NamedTuple):
             paper does, instead of to the point of this time.
     """
 
-    task: float = 1e3
-    command: float = 10.0
+    task: float = 2e3
+    command: float = 1e3
     prior: float = 1e2
-    saturation: float = 1.0
+    saturation: float = 1.5
     shortest: bool = False
 
 
