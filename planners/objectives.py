@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.rollout import Rollout
 from piec_envs.episodes.state import State
 from piec_envs.errors import check_name
 from piec_envs.geometry.distance import self_distance
@@ -17,6 +18,7 @@ from piec_envs.parallel import run_rows
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
+MISS_WEIGHT = 1e5  # per metre by which the undisturbed run ends outside the goal region
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class PathCost:
         )
 
     def nominal(self, path: np.ndarray) -> np.ndarray:
-        """Summed stage cost of each path without noise, and the penalty on crossing links.
+        """Summed stage cost of each path without noise, and the penalties.
 
         Args:
             path: absolute joint positions, shape (B, N, n).
@@ -105,8 +107,8 @@ class PathCost:
         Returns:
             Shape (B,).
         """
-        rollout = self.batch.rollout(self.start, path, absolute=True)
-        return rollout.cost + CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])
+        rollout = self._run(path)
+        return rollout.cost + self._penalties(rollout)
 
     def disturbed(self, path: np.ndarray, samples: State) -> np.ndarray:
         """The nominal cost with its task term averaged over the nominal run and disturbed ones.
@@ -118,7 +120,7 @@ class PathCost:
         Returns:
             Shape (B,).
         """
-        rollout = self.batch.rollout(self.start, path, absolute=True)
+        rollout = self._run(path)
         nominal = rollout.column("cost_task")[:, 1:].sum(axis=1)
         rows, count = len(path), samples.rows
         noisy = self._plain.rollout(
@@ -126,5 +128,12 @@ class PathCost:
         )
         task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)
         excess = (nominal + task) / (1 + count) - nominal
-        penalty = CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])
-        return rollout.cost + self.batch.weights.task * excess + penalty
+        return rollout.cost + self.batch.weights.task * excess + self._penalties(rollout)
+
+    def _run(self, path: np.ndarray) -> Rollout:
+        return self.batch.rollout(self.start, path, absolute=True)
+
+    def _penalties(self, rollout: Rollout) -> np.ndarray:
+        """For links that cross each other, and for an end outside the goal region, shape (B,)."""
+        crossed = crossing(self.batch, rollout.motion.q_r[:, 1:])
+        return CROSSING_WEIGHT * crossed + MISS_WEIGHT * rollout.column("d2g")[:, -1]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from piec_envs.escape.speed import SpeedModel
 from piec_envs.kernels import kernel
 
 CAGING_SCALE = 0.02  # 1/s: caging = 0.02 T, the scale of the paper's plots
-REDUCTIONS = {"mean": np.mean, "max": np.max}
+REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max}
 
 
 class EscapeField(Protocol):

@@ -48,7 +48,7 @@ def diagonal_layout(free: np.ndarray) -> Diagonals:
 def _extent(mask: np.ndarray) -> np.ndarray:
     """First and last + 1 set column of each row, shape (..., 2), both 0 where there is none."""
     first, last = mask.argmax(-1), mask.shape[-1] - mask[..., ::-1].argmax(-1)
-    return (np.stack([first, last], -1) * mask.any(-1)[..., None]).astype(np.uint64)
+    return (np.stack([first, last], -1) * np.asarray(mask.any(-1))[..., None]).astype(np.uint64)
 
 
 @batch_kernel

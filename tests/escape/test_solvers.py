@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.marching import fast_march, march_reference, sort_by_time
@@ -48,9 +49,12 @@ def test_sweeping_equals_its_reference(seed):
     slow, boundary = smooth_scene(seed)
     time, reference = sweep(slow, boundary, 0.1), sweep_reference(slow, boundary, 0.1)
     inner = np.isinf(boundary) & np.isfinite(slow)
-    error = np.abs(time[inner] - reference[inner]) / reference[inner]
-    assert np.percentile(error, 90) < 1e-12
-    assert error.max() < 5e-3  # on crests the order of the sweeps decides which side's cost is kept
+    error = np.abs(time - reference)[inner]
+    assert np.percentile(error / reference[inner], 90) < 1e-12
+    # On crests, where two neighbours tie, the order of the sweeps decides which edge's cost is kept;
+    # the two edges differ by half the neighbours' difference in slowness.
+    range_near = maximum_filter(np.where(np.isinf(slow), 0.0, slow), 3) - minimum_filter(slow, 3)
+    assert (error <= 0.5 * 0.1 * range_near[inner] + 1e-12).all()
 
 
 @settings(max_examples=15, deadline=None)
