@@ -30,7 +30,7 @@ class Budget:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
-    planner: Mapping[str, Any] = field(default_factory=lambda: {"restarts": 2, "robust_iterations": 20})
+    planner: Mapping[str, Any] = field(default_factory=lambda: {"restarts": 4, "robust_iterations": 30})
     protocol: str = "disturbance-5mm"
     episodes: int = 100
     frames: int = 100

@@ -45,18 +45,17 @@ class QuasiDynamics:
         batch, steps, n = commands.values.shape
         _check_shapes(q_r, q_cmd, pose, commands, plant)
         groups = [(rows, pack_scene(plant.robot, name)) for name, rows in plant.rows_by_object.items()]
-        links = groups[0][1].links
-        motion = Motion(
-            q_r=np.empty((batch, steps + 1, n)),
-            q_cmd=np.empty((batch, steps + 1, n)),
-            pose=np.empty((batch, steps + 1, 3)),
-            actions=np.empty((batch, steps, n)),
-            link_distance=np.empty((batch, steps + 1, links)),
-            contact=np.empty((batch, steps + 1, links), dtype=np.bool_),
-            active=np.empty((batch, steps + 1), dtype=np.int64),
+        links, times = groups[0][1].links, steps + 1
+        arrays = (
+            np.empty((batch, times, n)),
+            np.empty((batch, times, n)),
+            np.empty((batch, times, 3)),
+            np.empty((batch, steps, n)),
+            np.empty((batch, times, links)),
+            np.empty((batch, times, links), dtype=np.bool_),
+            np.empty((batch, times), dtype=np.int64),
         )
-        motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0] = q_r, q_cmd, pose
-        arrays = tuple(vars(motion).values())
+        arrays[0][:, 0], arrays[1][:, 0], arrays[2][:, 0] = q_r, q_cmd, pose
         displacement = np.zeros((batch, 0, 2)) if commands.displacement is None else commands.displacement
         threads = 1 if batch * steps < SMALL_BATCH else self.threads
         for rows, scene in groups:
@@ -64,7 +63,7 @@ class QuasiDynamics:
                 self._kernel, len(rows), threads, rows, scene, self.model,
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
-        return motion
+        return Motion(*arrays)
 
 
 def _check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> None:
@@ -74,17 +73,14 @@ def _check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands
         InvalidStateError: if a shape differs from that of the commands.
     """
     batch, steps, n = commands.values.shape
-    expected = [
+    for name, array, shape in (
         ("q_r", q_r, (batch, n)),
         ("q_cmd", q_cmd, (batch, n)),
         ("pose", pose, (batch, 3)),
         ("friction", plant.friction, (batch,)),
         ("displacement", commands.displacement, (batch, steps, 2)),
-    ]
-    for name, array, shape in expected:
-        if array is None:
-            continue
-        if array.shape != shape:
+    ):
+        if array is not None and array.shape != shape:
             raise InvalidStateError(f"{name} must have shape {shape}, got {array.shape}")
     if len(plant.objects) != batch or get_robot(plant.robot).dof != n:
         raise InvalidStateError(

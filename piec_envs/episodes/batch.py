@@ -41,6 +41,7 @@ class EpisodeBatch:
         self.task = config.make_task()
         self.robot = get_robot(self.task.robot)
         self.weights = config.cost_weights
+        self._prior = config.prior_index
         self.field, self.escape_every = config.make_field()
         self.dynamics = QuasiDynamics(config.solver, config.contact_model, config.threads)
         self.scene = pack_scene(self.robot.name, config.object)
@@ -213,7 +214,8 @@ class EpisodeBatch:
         first_step = state.step.copy()
         state.q_r, state.q_cmd = motion.q_r[:, -1].copy(), motion.q_cmd[:, -1].copy()
         state.pose, state.step = motion.pose[:, -1].copy(), state.step + steps
-        caging = np.repeat(CAGING_SCALE * state.escape_time[:, None], steps + 1, axis=1)  # (B, steps + 1)
+        caging = np.empty((state.rows, steps + 1))
+        caging[:] = CAGING_SCALE * state.escape_time[:, None]
         if self.field is not None:
             refresh_escape(self.field, state, np.flatnonzero(state.step % self.escape_every == 0))
             caging[:, -1] = CAGING_SCALE * state.escape_time
@@ -241,12 +243,11 @@ class EpisodeBatch:
 
     def _measure(self, motion: Motion, first_step: np.ndarray, caging: np.ndarray) -> np.ndarray:
         batch, times, _ = motion.pose.shape
-        actions = np.concatenate([np.zeros((batch, 1, self.robot.dof)), motion.actions], axis=1)
         measures = np.empty((batch, times, len(MEASURES)))
         run_rows(
-            measure_rows, batch, self._threads(batch * times), self.config.prior_index, self.weights,
+            measure_rows, batch, self._threads(batch * times), self._prior, self.weights,
             self.task.goal, self.task.reference, self.scene.speed_limit, first_step,
-            motion.pose, motion.link_distance, actions, caging, measures,
+            motion.pose, motion.link_distance, motion.actions, caging, measures,
         )  # fmt: skip
         return measures
 

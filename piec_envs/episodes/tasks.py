@@ -127,7 +127,7 @@ def measure_rows(
         first_step: time index of the first state, shape (B,).
         pose: shape (B, T, 3).
         distance: signed distance of each link to the object, shape (B, T, links), m.
-        actions: the action that led to each state, shape (B, T, n).
+        actions: the actions between the states, shape (B, T - 1, n); the first state has none.
         caging: shape (B, T).
         measures: output, shape (B, T, len(MEASURES)).
     """
@@ -151,8 +151,9 @@ def measure_rows(
                         p = m * (points - 1) // (PAPER_REFERENCE_POINTS - 1)
                         task = min(task, np.sqrt((x - reference[p, 0]) ** 2 + (y - reference[p, 1]) ** 2))
             command = 0.0
-            for j in range(speed_limit.shape[0]):
-                command += (actions[i, t, j] * speed_limit[j]) ** 2
+            if t > 0:
+                for j in range(speed_limit.shape[0]):
+                    command += (actions[i, t - 1, j] * speed_limit[j]) ** 2
             hint = 0.0
             if prior == 0:
                 saturated = min(caging[i, t], weights.saturation)

@@ -1,6 +1,6 @@
 """Random held actions from touching and squeezed states: nothing breaks, and how much contact there was.
 
-The default run is short; `pytest -m slow -s tests/dynamics/test_stress.py` takes a million steps.
+`pytest -m slow -s tests/dynamics/test_stress.py` prints the figures of a million steps.
 """
 
 from __future__ import annotations

@@ -1,0 +1,48 @@
+"""Benchmarks behind `piec bench`: medians of repeated measurements, in one run."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+from tqdm import tqdm
+
+from evaluation.bench.base import QUICK, Row, Sizes
+from evaluation.bench.environments import rollout_threads, single_step, vector_steps
+from evaluation.bench.kernels import contact_step, escape_fields, slowest_steps
+from evaluation.bench.planning import full_plans
+from evaluation.records import versions
+from piec_envs.parallel import available_threads
+
+__all__ = ["QUICK", "Sizes", "run_bench"]
+
+
+def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
+    """Run every benchmark.
+
+    Args:
+        sizes: how much is measured.
+        progress: whether to show a progress bar.
+
+    Returns:
+        "rows" of a table (benchmark, result, unit, wanted, note), "sizes", "machine" and "versions".
+    """
+    benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
+        "contact step": contact_step,
+        "slowest steps": slowest_steps,
+        "vector steps": vector_steps,
+        "single step": single_step,
+        "escape fields": escape_fields,
+        "full plans": partial(full_plans, progress=progress),
+        "rollouts": rollout_threads,
+    }
+    rows: list[Row] = []
+    with tqdm(benchmarks.items(), disable=not progress, desc="bench") as bar:
+        for name, benchmark in bar:
+            bar.set_postfix_str(name)
+            rows += benchmark(sizes)
+    machine = {"cores": available_threads(), "system": platform.system(), "architecture": platform.machine()}
+    return {"rows": rows, "sizes": asdict(sizes), "machine": machine, "versions": versions()}
