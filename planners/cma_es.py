@@ -19,6 +19,7 @@ from piec_envs.escape.field import make_field
 from planners.base import Plan
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective
+from planners.strategy import NOISE_STREAM, make_strategy
 from planners.via_points import ViaPointTrajectory
 
 STARTS = ("rest", "enclose")
@@ -133,9 +134,7 @@ class _Search:
     def run(self, bar: tqdm) -> None:
         """Search on the nominal model, then polish the best result under noise."""
         planner = self.planner
-        searches = [
-            self._strategy(self._first_guess(i), planner.sigma, self.seed * 1000 + i) for i in range(planner.restarts)
-        ]
+        searches = [self._strategy(self._first_guess(i), planner.sigma, i) for i in range(planner.restarts)]
         bar.update()
         screening = min(planner.screening, planner.iterations) if planner.restarts > planner.survivors else 0
         found = self._iterate(searches, screening, self.cost.nominal, bar)
@@ -154,7 +153,7 @@ class _Search:
         planner, free = self.planner, self.planner.robust_points
         via = np.array([self._limit(x)[:free] for _, x in self.found])
         costs = self._final_cost(self._paths(np.array([self._limit(x) for x in via])))
-        search = self._strategy(via[int(np.argmin(costs))], planner.robust_sigma, self.seed * 1000 + 500)
+        search = self._strategy(via[int(np.argmin(costs))], planner.robust_sigma, planner.restarts)
         self.found += self._iterate([search], planner.robust_iterations, self._final_cost, bar)
 
     def _final_cost(self, paths: np.ndarray) -> np.ndarray:
@@ -181,9 +180,8 @@ class _Search:
             bar.set_postfix(cost=f"{min(cost for cost, _ in best):.4g}")
         return best
 
-    def _strategy(self, via: np.ndarray, sigma: float, seed: int) -> cma.CMAEvolutionStrategy:
-        options = {"popsize": self.planner.population, "seed": seed + 1, "verbose": -9}
-        return cma.CMAEvolutionStrategy(via.ravel(), sigma, options)
+    def _strategy(self, via: np.ndarray, sigma: float, stream: int) -> cma.CMAEvolutionStrategy:
+        return make_strategy(via.ravel(), sigma, self.planner.population, (self.seed, stream))
 
     def _first_guess(self, restart: int) -> np.ndarray:
         """Via points to start from, shape (points, n)."""
@@ -192,7 +190,7 @@ class _Search:
             return np.repeat(home[None], points, axis=0)
         escape = self.batch.field or make_field("grid", self.batch.robot.name, resolution=self.planner.field_resolution)
         pose = np.append(self.batch.task.goal, 0.0)
-        posture = enclosing_posture(self.batch, escape, pose, self.seed * 1000 + restart, curl=(-1.0) ** restart)
+        posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl=(-1.0) ** restart)
         return home + np.minimum(1.0, np.linspace(0, 1, points + 1)[1:, None] / self.planner.arrive) * (posture - home)
 
     def _limit(self, x) -> np.ndarray:
@@ -211,8 +209,9 @@ class _Search:
         """The start under the planner's own disturbances."""
         count = self.planner.robust_samples
         samples = self.start.take(np.zeros(count, dtype=int))
-        samples.params = [p.replace({"disturbance": self.planner.robust_disturbance}) for p in samples.params]
-        samples.seed = np.random.default_rng([self.seed, 7]).integers(2**62, size=count)
+        changes = {"disturbance": self.planner.robust_disturbance, "adversary": 0.0}
+        samples.params = [params.replace(changes) for params in samples.params]
+        samples.seed = np.random.default_rng([NOISE_STREAM, self.seed]).integers(2**62, size=count)
         return samples
 
     def best_plan(self, env_id: str, nominal: dict[str, Any]) -> Plan:

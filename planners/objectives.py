@@ -68,6 +68,23 @@ def _self_distance_rows(lo, hi, scene, path, every, least):
             least[i, k] = self_distance(scene, vertices)
 
 
+def self_distances(batch: EpisodeBatch, path: np.ndarray, every: int) -> np.ndarray:
+    """Least distance between links that are no neighbours, at every k-th configuration of each path.
+
+    Args:
+        batch: gives the robot.
+        path: joint positions, shape (B, N, n).
+        every: k.
+
+    Returns:
+        Shape (B, N // k), m; negative where the arm overlaps itself.
+    """
+    path = np.ascontiguousarray(path)
+    least = np.empty((len(path), path.shape[1] // every))
+    run_rows(_self_distance_rows, len(path), batch.config.threads, batch.scene, path, every, least)
+    return least
+
+
 def crossing(batch: EpisodeBatch, path: np.ndarray) -> np.ndarray:
     """How far the arm overlaps itself along each path, added up over every tenth step.
 
@@ -78,10 +95,7 @@ def crossing(batch: EpisodeBatch, path: np.ndarray) -> np.ndarray:
     Returns:
         Shape (B,), m; 0 where links that are no neighbours never overlap.
     """
-    path = np.ascontiguousarray(path)
-    least = np.empty((len(path), path.shape[1] // CROSSING_EVERY))
-    run_rows(_self_distance_rows, len(path), batch.config.threads, batch.scene, path, CROSSING_EVERY, least)
-    return np.maximum(0.0, -least).sum(axis=1)
+    return np.maximum(0.0, -self_distances(batch, path, CROSSING_EVERY)).sum(axis=1)
 
 
 class PathCost:

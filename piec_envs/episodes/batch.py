@@ -229,7 +229,8 @@ class EpisodeBatch:
         """The object's free displacement in the next steps, shape (B, steps, 2), m."""
         if noise is None and not flees.any():
             return None
-        displacement = np.repeat(state.drift[:, None], steps, axis=1)
+        drift = np.where(flees[:, None] > 0, state.drift, 0.0)  # a calm object may still hold an old drift
+        displacement = np.repeat(drift[:, None], steps, axis=1)
         if noise is not None:
             when = (state.step[:, None] + np.arange(steps)) % self.task.horizon  # (B, steps)
             displacement = displacement + noise[np.arange(state.rows)[:, None], when]
