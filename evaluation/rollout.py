@@ -61,6 +61,9 @@ def evaluate(
     check_name("environment", env_id, ENVS)
     if not (isinstance(episodes, int | np.integer) and episodes >= 1):
         raise InvalidParameterError(f"episodes must be a whole number of at least 1, got {episodes!r}")
+    for name in ("num_envs", "max_episode_steps", "autoreset_mode"):
+        if name in (env_kwargs or {}):
+            raise InvalidParameterError(f"{name!r} is decided by evaluate: one whole episode in each row")
     predict = _predict_of(policy)
     plant = get_protocol(protocol).env_kwargs(env_kwargs)
     if hasattr(policy, "predict") and not is_random(plant):

@@ -15,7 +15,7 @@ from piec_envs.episodes.info import batch_info, row_info
 from piec_envs.episodes.observation import observation_bound, observation_layout
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
-from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, check_name
 
 SEED_BOUND = 2**63 - 1
 RENDER_MODES = ("rgb_array",)
@@ -103,7 +103,7 @@ class PlanarArmEnv(gym.Env):
 
     metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
         "render_modes": list(RENDER_MODES),
-        "render_fps": 50,
+        "render_fps": 10,
     }
     task_name: ClassVar[str]
 
@@ -133,7 +133,7 @@ class PlanarArmEnv(gym.Env):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Begin an episode; see the class for the options."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
         self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
         return self._begin()
 
@@ -160,8 +160,8 @@ class PlanarArmEnv(gym.Env):
         Returns:
             The observation and info of that state.
         """
-        if not isinstance(state, State) or state.rows != 1:
-            raise InvalidParameterError(f"set_state takes a State of one row, got {state!r}")
+        if not isinstance(state, State):
+            raise InvalidStateError(f"set_state takes a State, got {state!r}")
         self._batch.restore(state)
         return self._begin()
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+import numpy as np
+
 
 class PiecError(Exception):
     """Base class of every error that this suite raises on purpose."""
@@ -68,6 +70,40 @@ class PlanError(PiecError, ValueError):
 
 class RecordError(PiecError, ValueError):
     """A record file that cannot be read."""
+
+
+def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[PiecError]) -> np.ndarray:
+    """A finite array of the given shape, as a copy.
+
+    Args:
+        name: what the value is called.
+        value: anything that NumPy can make an array of numbers from.
+        shape: the only valid shape.
+        error: what is raised otherwise.
+
+    Raises:
+        PiecError: of that class, if the value is no array of numbers of that shape, or not finite.
+    """
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as cause:
+        raise error(f"{name} must be numbers of shape {shape}, got {value!r}") from cause
+    if array.shape != shape:
+        raise error(f"{name} must have shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise error(f"{name} must be finite, got {array.tolist()}")
+    return array
+
+
+def as_count(name: str, value: object, least: int = 1) -> int:
+    """A whole number of at least `least`, from an int or a NumPy integer.
+
+    Raises:
+        InvalidParameterError: otherwise, True and False included.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise InvalidParameterError(f"{name} must be a whole number of at least {least}, got {value!r}")
+    return int(value)
 
 
 class MissingDependencyError(PiecError, ImportError):

@@ -14,11 +14,11 @@ from piec_envs.env import RENDER_MODES, SEED_BOUND, Interface, make_config, roll
 from piec_envs.episodes.batch import EpisodeBatch, Rollout
 from piec_envs.episodes.info import batch_info, with_masks
 from piec_envs.episodes.state import State
-from piec_envs.errors import InvalidActionError, InvalidParameterError
+from piec_envs.errors import InvalidActionError, InvalidParameterError, InvalidStateError, as_count, check_name
 
 
 class PlanarArmVectorEnv(VectorEnv):
-    """B rows of one environment; row i is bit-equal to the single env with seed + i.
+    """B rows of one environment; for a whole-number seed, row i is bit-equal to the single env with seed + i.
 
     Args:
         num_envs: B.
@@ -31,7 +31,7 @@ class PlanarArmVectorEnv(VectorEnv):
 
     metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
         "render_modes": list(RENDER_MODES),
-        "render_fps": 50,
+        "render_fps": 10,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
     task_name: ClassVar[str]
@@ -46,10 +46,9 @@ class PlanarArmVectorEnv(VectorEnv):
         **options: Any,
     ):
         super().__init__()
-        if not (isinstance(num_envs, int) and num_envs >= 1):
-            raise InvalidParameterError(f"num_envs must be a whole number of at least 1, got {num_envs!r}")
-        self.num_envs = num_envs
-        self.max_episode_steps = max_episode_steps
+        self.num_envs = as_count("num_envs", num_envs)
+        self.max_episode_steps = as_count("max_episode_steps", max_episode_steps)
+        check_name("autoreset_mode", autoreset_mode, (*AutoresetMode, *(mode.value for mode in AutoresetMode)))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
@@ -75,12 +74,7 @@ class PlanarArmVectorEnv(VectorEnv):
         options = dict(options or {})
         mask = self._check_mask(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         rows = np.flatnonzero(mask)
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = list(seed)
-        if len(seeds) != self.num_envs:
-            raise InvalidParameterError(f"seed must have one entry for each of {self.num_envs} rows, got {len(seeds)}")
+        seeds = self._seeds(seed)
         for row in rows:
             if seeds[row] is not None or self._generators[row] is None:
                 self._generators[row] = seeding.np_random(seeds[row])[0]
@@ -89,10 +83,13 @@ class PlanarArmVectorEnv(VectorEnv):
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Advance all rows by one control step; ended rows begin anew as the autoreset mode says."""
-        begin = self._ended.copy()  # under NEXT_STEP these rows ignore their action and begin anew
-        if self.autoreset_mode == AutoresetMode.DISABLED and begin.any():
-            rows = np.flatnonzero(begin).tolist()
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
+            rows = np.flatnonzero(self._ended).tolist()
             raise InvalidActionError(f"rows {rows} have ended: reset them with options={{'reset_mask': ...}}")
+        begin = self._ended & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
+        if begin.any():  # these rows ignore their action, whatever it is, and begin anew
+            actions = np.array(actions)
+            actions[begin] = 0.0
         self._batch.step(actions)
         self._elapsed += 1
         if begin.any():
@@ -128,6 +125,14 @@ class PlanarArmVectorEnv(VectorEnv):
             "_final_info": ended.copy(),
         }
 
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """One seed for each row: None, seed + i, or the entries of a sequence."""
+        if seed is None or np.ndim(seed) == 0:
+            return [None if seed is None else as_count("seed", seed, least=0) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise InvalidParameterError(f"seed must have one entry for each of {self.num_envs} rows, got {len(seed)}")
+        return [None if entry is None else as_count("seed", entry, least=0) for entry in seed]
+
     def _check_mask(self, mask: Any) -> np.ndarray:
         if (
             not isinstance(mask, np.ndarray)
@@ -150,8 +155,8 @@ class PlanarArmVectorEnv(VectorEnv):
 
     def set_state(self, state: State) -> tuple[Any, dict]:
         """Continue from a state of `get_state`; returns its observations and info."""
-        if not isinstance(state, State) or state.rows != self.num_envs:
-            raise InvalidParameterError(f"set_state takes a State of {self.num_envs} rows, got {state!r}")
+        if not isinstance(state, State):
+            raise InvalidStateError(f"set_state takes a State, got {state!r}")
         self._batch.restore(state)
         self._elapsed = state.step.copy()
         self._ended = self._elapsed >= self.max_episode_steps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +11,12 @@ import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
-from piec_envs.env import PlanarArmEnv
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import MEASURES
-from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.episodes.tasks import MEASURES, PRESETS
+from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import make_field
+from piec_envs.registration import ENVS
 from planners.base import Plan
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective
@@ -23,6 +24,7 @@ from planners.strategy import NOISE_STREAM, make_strategy
 from planners.via_points import ViaPointTrajectory
 
 STARTS = ("rest", "enclose")
+DECIDED = ("prior", "preset", "adversary")  # keyword arguments that follow from the planner's own
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,15 @@ class CmaEsPlanner:
     def __post_init__(self):
         get_objective(self.objective)
         check_name("start", self.start, STARTS)
-        for name in ("population", "iterations", "restarts", "survivors", "via_points", "escape_every"):
-            if getattr(self, name) < 1:
-                raise InvalidParameterError(f"{name} must be at least 1, got {getattr(self, name)}")
-        if not 1 <= self.robust_points <= self.via_points:
+        check_name("preset", self.preset, PRESETS)
+        least = {"screening": 0, "robust_iterations": 0, "population": 2}
+        for item in dataclasses.fields(self):
+            if item.type == "int":
+                as_count(item.name, getattr(self, item.name), least.get(item.name, 1))
+        for name in ("sigma", "arrive", "robust_sigma", "robust_disturbance"):
+            if not float(as_floats(name, getattr(self, name), (), InvalidParameterError)) > 0:
+                raise InvalidParameterError(f"{name} must be above 0, got {getattr(self, name)}")
+        if self.robust_points > self.via_points:
             raise InvalidParameterError(f"robust_points must be 1 to {self.via_points}, got {self.robust_points}")
 
     def plan(self, env_id: str, seed: int = 0, progress: bool = True, **env_kwargs: Any) -> Plan:
@@ -86,15 +93,23 @@ class CmaEsPlanner:
             env_id: id of the environment.
             seed: of all randomness.
             progress: whether to show a progress bar.
-            env_kwargs: keyword arguments of the nominal model; the planner never sees the plant.
+            env_kwargs: keyword arguments of the nominal model, but for those that the objective and the
+                preset decide; the planner never sees the plant.
 
         Returns:
             The best plan by re-simulated cost.
+
+        Raises:
+            UnknownNameError: for an unknown environment or keyword argument.
+            InvalidParameterError: for a value outside its range.
         """
+        check_name("environment", env_id, ENVS)
+        as_count("seed", seed, least=0)
+        for name in DECIDED:
+            if name in env_kwargs:
+                raise InvalidParameterError(f"{name!r} follows from the planner's objective and preset")
         nominal = self._nominal_kwargs(env_kwargs)
-        env = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
-        if not isinstance(env, PlanarArmEnv):
-            raise InvalidParameterError(f"{env_id!r} is no environment of this suite")
+        env: Any = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
         env.reset(seed=seed)
         search = _Search(self, env.batch, env.get_state(), seed)
         total = self.iterations + self.robust_iterations + 1
@@ -129,7 +144,7 @@ class _Search:
         self.lower = self.batch.robot.joint_array("lower")
         self.upper = self.batch.robot.joint_array("upper")
         self.cost = PathCost(self.batch, self.start)
-        self.samples = self._samples()
+        self.samples = disturbed_samples(self.start, self.planner, self.seed)
 
     def run(self, bar: tqdm) -> None:
         """Search on the nominal model, then polish the best result under noise."""
@@ -205,15 +220,6 @@ class _Search:
     def _paths(self, via: np.ndarray) -> np.ndarray:
         return np.clip(self.trajectory.path(self.start.q_r[0], via), self.lower, self.upper)
 
-    def _samples(self) -> State:
-        """The start under the planner's own disturbances."""
-        count = self.planner.robust_samples
-        samples = self.start.take(np.zeros(count, dtype=int))
-        changes = {"disturbance": self.planner.robust_disturbance, "adversary": 0.0}
-        samples.params = [params.replace(changes) for params in samples.params]
-        samples.seed = np.random.default_rng([NOISE_STREAM, self.seed]).integers(2**62, size=count)
-        return samples
-
     def best_plan(self, env_id: str, nominal: dict[str, Any]) -> Plan:
         """Re-simulate the realised path of each result and keep the cheapest."""
         plans = [self._make_plan(env_id, nominal, self._limit(x)) for _, x in self.found]
@@ -239,3 +245,19 @@ class _Search:
             cost=cost,
             nominal={**measured, **terms},
         )
+
+
+def disturbed_samples(start: State, planner: CmaEsPlanner, seed: int) -> State:
+    """The start under the planner's own disturbances, the same for every objective.
+
+    Args:
+        start: one state.
+        planner: gives their number and size.
+        seed: of their random numbers.
+    """
+    count = planner.robust_samples
+    samples = start.take(np.zeros(count, dtype=int))
+    changes = {"disturbance": planner.robust_disturbance, "adversary": 0.0}
+    samples.params = [params.replace(changes) for params in samples.params]
+    samples.seed = np.random.default_rng([NOISE_STREAM, seed]).integers(2**62, size=count)
+    return samples

@@ -135,12 +135,13 @@ def _enter_and_leave(G, r, passive, p, L, z, multipliers):
     """Minimise on the passive set, dropping rows that turn negative; returns the set's new size."""
     while True:
         _solve_passive(G, r, passive, p, L, z)
-        step = 1.0
+        step, inside = 1.0, True
         for i in range(p):
             if z[i] <= 0.0:
+                inside = False
                 old = multipliers[passive[i]]
                 step = min(step, old / (old - z[i]) if old > z[i] else 0.0)
-        if step == 1.0:
+        if inside:
             for i in range(p):
                 multipliers[passive[i]] = z[i]
             return p

@@ -11,18 +11,17 @@ from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.episodes.caging import refresh_escape
 from piec_envs.episodes.config import EnvConfig
+from piec_envs.episodes.disturbance import draw_disturbance
 from piec_envs.episodes.observation import observation_layout, observe_rows
 from piec_envs.episodes.rollout import Rollout, join_motions
 from piec_envs.episodes.start import StartSampler
-from piec_envs.episodes.state import PARAM_KINDS, State, draw_params
+from piec_envs.episodes.state import PARAM_KINDS, PlantParams, State, draw_params
 from piec_envs.episodes.tasks import MEASURES, measure_rows
-from piec_envs.errors import InvalidActionError, InvalidParameterError
+from piec_envs.errors import InvalidActionError, InvalidParameterError, InvalidStateError, as_floats
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.parallel import run_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
-
-_DISTURBANCE_STREAM = 1  # keeps the disturbance's random numbers apart from the start's
 
 
 class EpisodeBatch:
@@ -50,7 +49,8 @@ class EpisodeBatch:
         self._start = StartSampler(self.robot, self.task, config)
         self.params = config.params  # nominal parameters of the episodes to come
         self.state = State.zeros(rows, self.robot.dof)
-        self._adopt_params()
+        self._noise: np.ndarray | None = None
+        self._adopt_params(np.arange(rows))
         self.link_distance = np.zeros((rows, self.scene.links))
         self.contact = np.zeros((rows, self.scene.links), dtype=bool)
         self.measures = np.zeros((rows, len(MEASURES)))
@@ -65,10 +65,7 @@ class EpisodeBatch:
             UnknownNameError: for an unknown parameter or name.
             InvalidParameterError: for a value outside its range, or an adversary without a field.
         """
-        changed = self.params.replace(params)
-        if changed.adversary and self.field is None:
-            raise InvalidParameterError("adversary needs an escape field, but escape_field=None")
-        self.params = changed
+        self.params = self._checked(self.params.replace(params))
 
     # --- reset and restore -------------------------------------------------------------------
 
@@ -82,23 +79,45 @@ class EpisodeBatch:
         """
         options = self._start.check_options(options)
         given = options.get("state")
-        for k, (row, seed) in enumerate(zip(rows, seeds, strict=True)):
-            rng = np.random.default_rng(seed)
-            params = self.params.replace(draw_params(self.config.randomize or {}, rng))
-            if isinstance(given, State):
-                params = given.params[min(k, given.rows - 1)]
-            params = params.replace(options.get("params") or {})
-            self._write(row, self._start.draw(params, seed, rng, given, k))
-        self._adopt_params()
+        if isinstance(given, State):
+            given.check(given.rows if given.rows == 1 else self.state.rows, self.robot.dof)
+        fresh = [self._fresh(row, seed, options) for row, seed in zip(rows, seeds, strict=True)]
+        for row, state in zip(rows, fresh, strict=True):  # nothing is written until all rows are known to be good
+            self._write(row, state)
+        self._adopt_params(rows)
         if self.field is not None:  # a given `State` between two refreshes keeps the values it holds
             due = self.state.step[rows] % self.escape_every == 0
             refresh_escape(self.field, self.state, rows[due | (not isinstance(given, State))])
         self._look(rows)
 
+    def _fresh(self, row: int, seed: int, options: Mapping[str, Any]) -> State:
+        """The start of one row's new episode."""
+        given, changes = options.get("state"), options.get("params") or {}
+        if isinstance(given, State):
+            state = given.take([0 if given.rows == 1 else row])
+            state.params = [self._checked(state.params[0].replace(changes))]
+            return state
+        rng = np.random.default_rng(seed)
+        params = self.params.replace(draw_params(self.config.randomize or {}, rng))
+        return self._start.draw(self._checked(params.replace(changes)), seed, rng, given)
+
+    def _checked(self, params: PlantParams) -> PlantParams:
+        if params.adversary and self.field is None:
+            raise InvalidParameterError("adversary needs an escape field, but escape_field=None")
+        return params
+
     def restore(self, state: State) -> None:
-        """Take over a state of all rows."""
+        """Take over a state of all rows.
+
+        Raises:
+            InvalidStateError: if its arrays do not fit this batch.
+            InvalidParameterError: if its object flees and there is no escape field.
+        """
+        state.check(self.state.rows, self.robot.dof)
+        for params in state.params:
+            self._checked(params)
         self.state = state.copy()
-        self._adopt_params()
+        self._adopt_params(np.arange(state.rows))
         self._look(np.arange(state.rows))
 
     def _look(self, rows: np.ndarray) -> None:
@@ -112,8 +131,8 @@ class EpisodeBatch:
         for name, value in vars(fresh).items():
             getattr(self.state, name)[row] = value[0]
 
-    def _adopt_params(self) -> None:
-        """Everything that follows from the rows' parameters and seeds."""
+    def _adopt_params(self, rows: np.ndarray) -> None:
+        """Everything that follows from the parameters and seeds, of which those of `rows` are new."""
         self.params_info = {
             name: np.array(
                 [getattr(params, name) for params in self.state.params], dtype=object if kind == "str" else float
@@ -121,7 +140,13 @@ class EpisodeBatch:
             for name, kind in PARAM_KINDS.items()
         }
         self._plant_now = self._plant(self.state)
-        self._noise = self._draw_noise(self.state)
+        fresh = draw_disturbance(self.state.take(rows), self.task.horizon)
+        if len(rows) == self.state.rows:
+            self._noise = fresh
+        elif fresh is not None or self._noise is not None:
+            if self._noise is None:
+                self._noise = np.zeros((self.state.rows, self.task.horizon, 2))
+            self._noise[rows] = 0.0 if fresh is None else fresh
         self._flees = self.params_info["adversary"]
 
     def _plant(self, state: State) -> Plant:
@@ -130,21 +155,6 @@ class EpisodeBatch:
             [params.object for params in state.params],
             np.array([params.friction for params in state.params]),
         )
-
-    def _draw_noise(self, state: State) -> np.ndarray | None:
-        """The whole episode's disturbance, shape (B, horizon, 2), m; None where no row has one."""
-        if not any(params.disturbance for params in state.params):
-            return None
-        noise = np.zeros((state.rows, self.task.horizon, 2))
-        for i, (seed, params) in enumerate(zip(state.seed, state.params, strict=True)):
-            if params.disturbance:
-                rng = np.random.default_rng([int(seed), _DISTURBANCE_STREAM])
-                if params.disturbance_kind == "gaussian":
-                    noise[i] = params.disturbance * rng.standard_normal((self.task.horizon, 2))
-                else:
-                    angle = rng.uniform(-np.pi, np.pi, self.task.horizon)
-                    noise[i] = params.disturbance * np.column_stack([np.cos(angle), np.sin(angle)])
-        return noise
 
     # --- stepping ----------------------------------------------------------------------------
 
@@ -158,11 +168,7 @@ class EpisodeBatch:
             InvalidActionError: if the actions have the wrong shape or are not finite.
         """
         shape = (self.state.rows, self.robot.dof)
-        actions = np.ascontiguousarray(actions, dtype=float)
-        if actions.shape != shape:
-            raise InvalidActionError(f"actions must have shape {shape}, got {actions.shape}")
-        if not np.isfinite(actions).all():
-            raise InvalidActionError(f"actions must be finite, got {actions.tolist()}")
+        actions = as_floats("actions", actions, shape, InvalidActionError)
         motion, measures = self._advance(self.state, actions[:, None], False, self._plant_now, self._noise, self._flees)
         self.link_distance, self.contact, self.measures = (
             motion.link_distance[:, 1],
@@ -174,26 +180,36 @@ class EpisodeBatch:
         """Simulate trajectories from given states, without touching this batch's own episodes.
 
         Args:
-            state: B states at the same step, or one state for all rows of `values`.
+            state: B states, or one state for all rows of `values`.
             values: actions in [-1, 1], or joint positions to follow, shape (B, N, n).
             absolute: whether `values` are joint positions.
 
         Returns:
             The trajectories; bit-equal to stepping.
         """
-        values = np.ascontiguousarray(values, dtype=float)
-        if values.ndim != 3 or values.shape[2] != self.robot.dof or not np.isfinite(values).all():
+        values = as_floats("controls or path", values, np.shape(values), InvalidActionError)
+        if not isinstance(state, State):
+            raise InvalidStateError(f"rollout starts from a State, got {state!r}")
+        state.check(state.rows, self.robot.dof)
+        if (
+            values.ndim != 3
+            or state.rows not in (1, len(values))
+            or len(values) == 0
+            or values.shape[2] != self.robot.dof
+        ):
             raise InvalidActionError(
-                f"controls or path must be finite, of shape (rows, steps, {self.robot.dof}), got {values.shape}"
+                f"controls or path must be finite, of shape (rows, steps, {self.robot.dof}), with as many rows as "
+                f"the state has or any number for a state of one row; got {values.shape} for {state.rows} row(s)"
             )
         state = state.take(np.zeros(len(values), dtype=int)) if state.rows == 1 else state.copy()
-        plant, noise = self._plant(state), self._draw_noise(state)
+        plant, noise = self._plant(state), draw_disturbance(state, self.task.horizon)
         flees = np.array([params.adversary for params in state.params])
         pieces, escape = [self._still(state)], [state.escape_time[:, None].copy()]
         measures = [self._measure_still(pieces[0], state)]
         done, total = 0, values.shape[1]
         while done < total:
-            ahead = self.escape_every - int(state.step[0]) % self.escape_every if self.field else total
+            # up to the next refresh of any row
+            ahead = int((self.escape_every - state.step % self.escape_every).min()) if self.field else total
             chunk = values[:, done : done + ahead]
             motion, measured = self._advance(state, chunk, absolute, plant, noise, flees)
             pieces.append(motion)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
 from piec_envs.episodes.state import PlantParams, check_randomize
 from piec_envs.episodes.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
-from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import EscapeField, make_field
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
@@ -69,7 +69,7 @@ class EnvConfig:
     goal: tuple[float, float] | None = None
     goal_conditioned: bool | str = False
     preset: str = "default"
-    weights: Mapping[str, Any] | None = field(default=None, hash=False)
+    weights: Mapping[str, Any] | None = None
     noise_entry: str = "qp"
     threads: int | None = None
 
@@ -85,29 +85,41 @@ class EnvConfig:
             ("goal_conditioned", self.goal_conditioned, (False, True, "dense")),
         ):
             check_name(name, value, known)
-        if self.goal is not None:
-            self._check_goal()
-        noise = np.asarray(self.start_noise, dtype=float)
-        if noise.shape != (2,) or not (np.isfinite(noise).all() and (noise >= 0).all()):
-            raise InvalidParameterError(
-                f"start_noise must be two finite numbers of at least 0 (m, rad), got {self.start_noise!r}"
-            )
+        noise = as_floats("start_noise (m, rad)", self.start_noise, (2,), InvalidParameterError)
+        if (noise < 0).any():
+            raise InvalidParameterError(f"start_noise must be at least 0, got {self.start_noise!r}")
         # As JSON would bring them back, so that a round trip gives an equal config.
         object.__setattr__(self, "start_noise", tuple(noise.tolist()))
         if self.goal is not None:
-            object.__setattr__(self, "goal", tuple(map(float, self.goal)))
-        if self.escape_every is not None and not (isinstance(self.escape_every, int) and self.escape_every >= 1):
-            raise InvalidParameterError(f"escape_every must be a whole number of at least 1, got {self.escape_every!r}")
+            object.__setattr__(self, "goal", self._checked_goal())
+        for name in ("escape_every", "threads"):
+            if getattr(self, name) is not None:
+                as_count(name, getattr(self, name))
+        self._check_field()
+
+    def _checked_goal(self) -> tuple[float, ...]:
+        radius = get_robot(get_task(self.task).robot).workspace_radius
+        goal = as_floats(f"goal, (x, y) within {radius} m of the base,", self.goal, (2,), InvalidParameterError)
+        if np.linalg.norm(goal) > radius:
+            raise InvalidParameterError(f"goal must be (x, y) within {radius} m of the base, got {self.goal!r}")
+        return tuple(goal.tolist())
+
+    def _check_field(self) -> None:
         if self.escape_field is None:
             flees = self.adversary or (self.randomize or {}).get("adversary")
             if self.prior == "caging" or flees:
                 raise InvalidParameterError("prior='caging' and adversary need an escape field, but escape_field=None")
-
-    def _check_goal(self) -> None:
-        goal = np.asarray(self.goal, dtype=float)
-        radius = get_robot(get_task(self.task).robot).workspace_radius
-        if goal.shape != (2,) or not np.linalg.norm(goal) <= radius:
-            raise InvalidParameterError(f"goal must be (x, y) within {radius} m of the base, got {self.goal!r}")
+            return
+        if not isinstance(self.escape_field, str | Mapping):
+            raise InvalidParameterError(
+                f"escape_field must be a name, a mapping of options with a name, or None, got {self.escape_field!r}"
+            )
+        field, _ = self.make_field()
+        if self.prior_index == PRIORS.index("caging") and not field.leak > 0:  # type: ignore[union-attr]
+            raise InvalidParameterError(
+                "the caging prior needs a leaky wall, since behind a hard one the escape time is infinite; "
+                "take leak > 0 or prior=None"
+            )
 
     @classmethod
     def field_names(cls) -> list[str]:
@@ -124,9 +136,14 @@ class EnvConfig:
         """Weights of the stage cost."""
         check_name("preset", self.preset, PRESETS)
         base = PRESETS[self.preset][self.task]
-        for name in self.weights or {}:
+        if not isinstance(self.weights, Mapping | None):
+            raise InvalidParameterError(f"weights must map names to numbers, got {self.weights!r}")
+        for name, value in (self.weights or {}).items():
             check_name("weight", name, CostWeights._fields)
-        return base._replace(**(self.weights or {}))
+            if name != "shortest" and not (isinstance(value, int | float) and value >= 0):
+                raise InvalidParameterError(f"weights[{name!r}] must be a number of at least 0, got {value!r}")
+        kinds = base._asdict()  # the kernels want floats where the preset has floats
+        return base._replace(**{name: type(kinds[name])(value) for name, value in (self.weights or {}).items()})
 
     @property
     def contact_model(self) -> ContactModel:

@@ -11,7 +11,7 @@ import numpy as np
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.state import PlantParams, State
 from piec_envs.episodes.tasks import Task
-from piec_envs.errors import InvalidStateError, check_name
+from piec_envs.errors import InvalidStateError, as_floats, check_name
 from piec_envs.geometry.distance import scene_distances
 from piec_envs.world.robots import Robot
 from piec_envs.world.scene import pack_scene
@@ -41,20 +41,25 @@ class StartSampler:
 
         Raises:
             UnknownNameError: for an option that does not exist.
+            InvalidStateError: if the given state is neither a `State` nor a mapping.
         """
         for name in options or {}:
             check_name("reset option", name, OPTIONS)
-        return dict(options or {})
+        options = dict(options or {})
+        if not isinstance(options.get("state"), State | Mapping | None):
+            raise InvalidStateError(f"state must be a State or a mapping of its fields, got {options['state']!r}")
+        return options
 
-    def draw(self, params: PlantParams, seed: int, rng: np.random.Generator, given: Any, row: int) -> State:
+    def draw(
+        self, params: PlantParams, seed: int, rng: np.random.Generator, given: Mapping[str, Any] | None = None
+    ) -> State:
         """The start of one episode.
 
         Args:
             params: its plant parameters.
             seed: its episode seed.
             rng: source of randomness for the start's noise.
-            given: the user's state, a `State` or a dict of its fields; None draws a start.
-            row: which row of a given `State` to take.
+            given: fields of the user's state; None draws a start.
 
         Returns:
             A state of one row.
@@ -63,11 +68,6 @@ class StartSampler:
             InvalidStateError: if the given state has the wrong shape, is not finite, breaks the
                 joint limits or overlaps the robot by more than 1 mm.
         """
-        if isinstance(given, State):
-            fresh = given.take([min(row, given.rows - 1)])
-            fresh.params = [params]
-            self._check(fresh)
-            return fresh
         fresh = State.zeros(1, self.robot.dof)
         fresh.params, fresh.seed[0] = [params], seed
         fresh.q_r[0] = fresh.q_cmd[0] = self.robot.home
@@ -84,17 +84,23 @@ class StartSampler:
         for name, value in given.items():
             check_name("state field", name, STATE_FIELDS)
             target = getattr(fresh, name)
-            value = np.asarray(value, dtype=float)
-            if value.shape not in (target[0].shape, target.shape):
-                raise InvalidStateError(f"state field {name!r} must have shape {target[0].shape}, got {value.shape}")
-            target[0] = value.reshape(target[0].shape)
+            value = as_floats(f"state field {name!r}", value, target[0].shape, InvalidStateError)
+            if name == "step":
+                self._check_step(float(value))
+            target[0] = value
         if "q_r" in given and "q_cmd" not in given:
             fresh.q_cmd[0] = fresh.q_r[0]
 
+    def _check_step(self, step: float) -> None:
+        if step < 0 or step != int(step):
+            raise InvalidStateError(f"state field 'step' must be a whole number of at least 0, got {step}")
+        if step > 0 and len(self.task.reference) > 0:
+            raise InvalidStateError(
+                "a tracking episode cannot begin at a later step, since its errors so far are not known; "
+                "give a whole State to go on with an episode"
+            )
+
     def _check(self, state: State) -> None:
-        for name in ("q_r", "q_cmd", "pose"):
-            if not np.isfinite(getattr(state, name)).all():
-                raise InvalidStateError(f"state field {name!r} must be finite, got {getattr(state, name)[0].tolist()}")
         lead = self.robot.joint_array("max_lead")
         for name in ("q_r", "q_cmd"):
             value = getattr(state, name)[0]

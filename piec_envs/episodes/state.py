@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
 from piec_envs.world.objects import OBJECTS
 
 DISTURBANCE_KINDS = ("gaussian", "direction")
@@ -67,6 +67,8 @@ class PlantParams:
             UnknownNameError: for a parameter that does not exist.
         """
         names = [field.name for field in dataclasses.fields(self)]
+        if not isinstance(changes, Mapping):
+            raise InvalidParameterError(f"plant parameters must be a mapping, got {changes!r}")
         for name in changes:
             check_name("plant parameter", name, names)
         return dataclasses.replace(self, **changes)
@@ -102,10 +104,12 @@ def check_randomize(randomize: Mapping[str, Sequence] | None) -> dict[str, list]
         UnknownNameError: for an unknown parameter or name.
     """
     checked = {}
+    if not isinstance(randomize, Mapping | None):
+        raise InvalidParameterError(f"randomize must map plant parameters to ranges or lists, got {randomize!r}")
     for name, choices in (randomize or {}).items():
         choices = list(choices) if isinstance(choices, Sequence) and not isinstance(choices, str) else []
         names = bool(choices) and all(isinstance(choice, str) for choice in choices)
-        numbers = len(choices) == 2 and not any(isinstance(choice, str) for choice in choices)
+        numbers = len(choices) == 2 and all(isinstance(choice, int | float) for choice in choices)
         if not names and not (numbers and choices[0] <= choices[1]):
             raise InvalidParameterError(
                 f"randomize[{name!r}] must be a range [low, high] or a list of names, got {randomize[name]!r}"  # type: ignore[index]
@@ -171,6 +175,29 @@ class State:
             field.name: getattr(self, field.name)[rows] for field in dataclasses.fields(self) if field.name != "params"
         }
         return State(**arrays, params=[self.params[int(i)] for i in rows])
+
+    def check(self, rows: int, dof: int) -> None:
+        """Refuse a state that could not have come from `rows` episodes of a robot with `dof` joints.
+
+        Raises:
+            InvalidStateError: if an array has the wrong shape or is not finite, or a step is negative.
+        """
+        blank = State.zeros(rows, dof)
+        for item in dataclasses.fields(self):
+            if item.name == "params":
+                continue
+            if item.name == "escape_time":  # behind a hard wall it may be infinite
+                as_floats("state field 'escape_time'", np.nan_to_num(self.escape_time, posinf=0.0, nan=np.nan),
+                          (rows,), InvalidStateError)  # fmt: skip
+                continue
+            value = as_floats(f"state field {item.name!r}", getattr(self, item.name), getattr(blank, item.name).shape,
+                              InvalidStateError)  # fmt: skip
+            if item.name in ("step", "seed") and ((value < 0) | (value != np.floor(value))).any():
+                raise InvalidStateError(
+                    f"state field {item.name!r} must be whole numbers of at least 0, got {value.tolist()}"
+                )
+        if len(self.params) != rows or not all(isinstance(params, PlantParams) for params in self.params):
+            raise InvalidStateError(f"state field 'params' must be {rows} PlantParams, got {self.params!r}")
 
     def copy(self) -> State:
         """An independent copy."""

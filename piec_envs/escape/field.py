@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, PiecError, check_name
 from piec_envs.escape.grid import FieldMap, GridField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.kernels import kernel
@@ -25,6 +25,11 @@ class EscapeField(Protocol):
     @property
     def u_bar(self) -> float:
         """Speed in free space, m/s."""
+        ...
+
+    @property
+    def leak(self) -> float:
+        """Speed within the wall over u_bar; 0 is a hard wall."""
         ...
 
     def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
@@ -70,13 +75,14 @@ def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) ->
         UnknownNameError: if a table has no such row.
         InvalidParameterError: if an option is not one of the field's.
     """
-    if name not in FIELDS:
-        raise UnknownNameError("escape field", name, FIELDS)
-    if isinstance(options.get("speed"), dict):
-        options["speed"] = SpeedModel(**options["speed"])
+    check_name("escape field", name, FIELDS)
     try:
+        if isinstance(options.get("speed"), dict):
+            options["speed"] = SpeedModel(**options["speed"])
         return _cached_field(name, robot_name, **options)
-    except TypeError as error:
+    except PiecError:
+        raise
+    except (TypeError, ValueError, AttributeError) as error:
         raise InvalidParameterError(f"escape field {name!r}: {error}") from error
 
 
@@ -130,6 +136,5 @@ def object_escape_time(
     Raises:
         UnknownNameError: if the reduction is not known.
     """
-    if reduce not in REDUCTIONS:
-        raise UnknownNameError("reduction", reduce, REDUCTIONS)
+    check_name("reduction", reduce, REDUCTIONS)
     return REDUCTIONS[reduce](field.query(key_points_world(key_points, pose), q_r), axis=-1)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, InvalidStateError, check_name
 from piec_envs.escape.between import distance_at, value
 from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, configuration_gradient, trace
@@ -100,8 +100,7 @@ class GridField:
         speed: SpeedModel | None = None,
         threads: int | None = None,
     ):
-        if method not in METHODS:
-            raise UnknownNameError("method", method, METHODS)
+        check_name("method", method, METHODS)
         if int(resolution) != resolution or resolution < MIN_RESOLUTION:
             raise InvalidParameterError(f"resolution must be an integer of at least {MIN_RESOLUTION}, got {resolution}")
         robot = get_robot(robot_name)
@@ -118,6 +117,11 @@ class GridField:
     def u_bar(self) -> float:
         """Speed in free space, m/s."""
         return self.speed.u_bar
+
+    @property
+    def leak(self) -> float:
+        """Speed within the wall over u_bar; 0 is a hard wall."""
+        return self.speed.leak
 
     def spec(self) -> dict:
         """What makes this field again through `make_field(**spec)`, as JSON-able values."""

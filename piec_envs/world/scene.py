@@ -38,8 +38,6 @@ class PackedScene(NamedTuple):
     robot: PackedShapes
     links: int
     object: PackedShapes
-    key_points: np.ndarray  # (k, 2) m, object frame
-    workspace_radius: float  # m
 
 
 def pack_shapes(parts: list[tuple[RoundedPolygon, int, int]]) -> PackedShapes:
@@ -101,6 +99,4 @@ def pack_scene(robot_name: str, object_name: str) -> PackedScene:
         robot=pack_shapes([(shape, link.frame, i) for i, link in enumerate(robot.links) for shape in link.shapes]),
         links=len(robot.links),
         object=pack_shapes([(shape, 0, 0) for shape in item.shapes]),
-        key_points=np.ascontiguousarray(item.key_points, dtype=float),
-        workspace_radius=float(robot.workspace_radius),
     )

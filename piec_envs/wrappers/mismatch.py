@@ -13,7 +13,8 @@ from piec_envs.errors import check_name
 
 def _inject(env: Any, names: tuple[str, ...], params: dict[str, Any]) -> None:
     for name in params:
-        check_name("parameter of this wrapper", name, names or (name,))
+        if names:  # the general wrappers take every plant parameter
+            check_name("parameter of this wrapper", name, names)
     env.unwrapped.set_params(params)
 
 

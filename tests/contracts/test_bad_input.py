@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -43,6 +45,21 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"randomize": {"friction": 0.5}}, InvalidParameterError, "range"),
         ({"randomize": {"colour": ["red"]}}, UnknownNameError, "friction"),
         ({"randomize": {"object": ["cube"]}}, UnknownNameError, "square"),
+        ({"escape_field": 3}, InvalidParameterError, "escape_field"),
+        ({"escape_field": {"speed": {"leek": 1}}}, InvalidParameterError, "leek"),
+        ({"escape_field": {"speed": "fast"}}, InvalidParameterError, "grid"),
+        ({"escape_field": {"speed": {"leak": 0.0}}}, InvalidParameterError, "leaky wall"),
+        ({"goal": "home"}, InvalidParameterError, "goal"),
+        ({"start_noise": "some"}, InvalidParameterError, "start_noise"),
+        ({"randomize": "friction"}, InvalidParameterError, "randomize"),
+        ({"randomize": {"friction": [None, 1]}}, InvalidParameterError, "range"),
+        ({"weights": ["task"]}, InvalidParameterError, "weights"),
+        ({"weights": {"task": -1}}, InvalidParameterError, "task"),
+        ({"weights": {"task": np.nan}}, InvalidParameterError, "task"),
+        ({"threads": 0}, InvalidParameterError, "threads"),
+        ({"threads": "two"}, InvalidParameterError, "threads"),
+        ({"escape_every": True}, InvalidParameterError, "escape_every"),
+        ({"object": ["circle"]}, UnknownNameError, "circle"),
         ({"escape_field": {"name": "grid", "resolution": -3}}, PiecError, "resolution"),
         ({"escape_field": {"name": "grid", "size": 3}}, PiecError, "size"),
     ],
@@ -74,6 +91,10 @@ def test_bad_actions(action):
         ({"pose": [0.5, np.nan, 0.0]}, InvalidStateError, "finite"),
         ({"q_r": [0.0, 3.0, 0.0, 0.0]}, InvalidStateError, "joint limits"),
         ({"q_r": [0.0, 0.0]}, InvalidStateError, "shape"),
+        ({"q_r": "straight"}, InvalidStateError, "numbers"),
+        ({"step": -1}, InvalidStateError, "whole number"),
+        ({"step": 2.7}, InvalidStateError, "whole number"),
+        ({"step": np.nan}, InvalidStateError, "finite"),
         ({"velocity": [0.0]}, UnknownNameError, "q_r"),
     ],
 )
@@ -91,18 +112,65 @@ def test_bad_reset_options():
         env.reset(options={"params": {"mu": 0.3}})
     with pytest.raises(InvalidParameterError, match="friction"):
         env.reset(options={"params": {"friction": -1}})
-    with pytest.raises(InvalidParameterError, match="one row"):
+    with pytest.raises(InvalidParameterError, match="adversary"):
+        env.reset(options={"params": {"adversary": 1.0}})
+    with pytest.raises(InvalidParameterError, match="mapping"):
+        env.reset(options={"params": ["friction"]})
+    with pytest.raises(InvalidStateError, match="mapping"):
+        env.reset(options={"state": "start"})
+    with pytest.raises(InvalidStateError, match="State"):
         env.set_state("state")
+    with pytest.raises(InvalidStateError, match="State"):
+        env.rollout("state", controls=np.zeros((1, 5, 4)))
+    with pytest.raises(InvalidActionError, match="rows"):
+        env.rollout(env.get_state(), controls=np.zeros((0, 5, 4)))
     with pytest.raises(InvalidParameterError, match="either path or controls"):
         env.rollout(env.get_state())
+
+
+def test_a_refused_state_leaves_the_env_as_it_was():
+    env = gym.make(PUSH, escape_field=None).unwrapped
+    env.reset(seed=0)
+    env.step(np.ones(4))
+    good = env.get_state()
+    for change in ({"pose": np.full((1, 3), np.nan)}, {"q_r": np.zeros((1, 3))}, {"step": np.array([-5])}):
+        with pytest.raises(InvalidStateError):
+            env.set_state(dataclasses.replace(good, **change))
+    fleeing = dataclasses.replace(good, params=[good.params[0].replace({"adversary": 1.0})])
+    with pytest.raises(InvalidParameterError, match="escape field"):
+        env.set_state(fleeing)
+    np.testing.assert_array_equal(env.get_state().pose, good.pose)
+    env.step(np.zeros(4))
+
+
+def test_a_refused_reset_leaves_every_row_as_it_was():
+    envs = gym.make_vec(PUSH, num_envs=2, escape_field=None)
+    envs.reset(seed=0)
+    envs.step(np.ones((2, 4)))
+    before = envs.unwrapped.get_state()
+    with pytest.raises(InvalidStateError):
+        envs.reset(options={"state": {"pose": [0.5, 0.0, 0.0]}})
+    np.testing.assert_array_equal(envs.unwrapped.get_state().q_r, before.q_r)
+
+
+def test_tracking_cannot_begin_in_the_middle():
+    env = gym.make("piec_envs/PlanarArmTrack-v0", escape_field=None).unwrapped
+    with pytest.raises(InvalidStateError, match="tracking"):
+        env.reset(options={"state": {"step": 900, "pose": [-0.3, 0.4, 0.0]}})
+    with pytest.raises(InvalidStateError, match="whole number"):
+        env.reset(options={"state": {"step": -1_000_000}})
 
 
 def test_bad_vector_arguments():
     with pytest.raises(InvalidParameterError, match="num_envs"):
         gym.make_vec(PUSH, num_envs=0)
     envs = gym.make_vec(PUSH, num_envs=2, escape_field=None)
-    with pytest.raises(InvalidParameterError, match="seed"):
-        envs.reset(seed=[1, 2, 3])
+    for choice in ({"max_episode_steps": 0}, {"max_episode_steps": None}, {"autoreset_mode": "Never"}):
+        with pytest.raises((InvalidParameterError, UnknownNameError), match=next(iter(choice))):
+            gym.make_vec(PUSH, num_envs=2, **choice)
+    for seed in ([1, 2, 3], "a", 1.5, -1):
+        with pytest.raises(InvalidParameterError, match="seed"):
+            envs.reset(seed=seed)
     envs.reset(seed=0)
     for mask in ([True, False], np.zeros(2, dtype=bool), np.ones(3, dtype=bool)):
         with pytest.raises(InvalidParameterError, match="reset_mask"):

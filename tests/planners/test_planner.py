@@ -12,8 +12,10 @@ from hypothesis.extra import numpy as hnp
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
 from planners import CmaEsPlanner
+from planners.cma_es import disturbed_samples
 from planners.configuration import enclosing_posture, posture_values
 from planners.objectives import OBJECTIVES, PathCost, crossing
+from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory
 
 PUSH = "piec_envs/PlanarArmPush-v0"
@@ -90,10 +92,45 @@ def test_threads_do_not_change_a_plan():
     np.testing.assert_array_equal(one.path, two.path)
 
 
+def test_searches_do_not_share_random_numbers():
+    """Each search draws from its own generator and leaves NumPy's global one alone."""
+    np.random.seed(5)  # noqa: NPY002  the state that must not change
+    before = np.random.get_state()[1].copy()  # noqa: NPY002
+    alone = np.array(make_strategy(np.zeros(3), 1.0, 6, (1, 0)).ask())
+    first, second = (make_strategy(np.zeros(3), 1.0, 6, (1, stream)) for stream in (0, 1))
+    drawn = np.array(second.ask()), np.array(first.ask())
+    np.testing.assert_array_equal(drawn[1], alone)
+    assert (drawn[0] != drawn[1]).all()
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_polishing_disturbs_every_objective_alike(objective):
+    """The planner's own noise knows no adversary, or mode 4 would be polished against a steady wind."""
+    kwargs = {"adversary": OBJECTIVES[objective].adversary} if OBJECTIVES[objective].escape_field else {}
+    env = gym.make(PUSH, escape_field="grid" if kwargs else None, **kwargs).unwrapped
+    env.reset(seed=0)
+    samples = disturbed_samples(env.get_state(), CmaEsPlanner(objective=objective), seed=2)
+    assert all((params.adversary, params.disturbance) == (0.0, 0.005) for params in samples.params)
+    assert samples.rows == 8 and len(set(samples.seed.tolist())) == 8
+
+
 def test_bad_arguments():
     with pytest.raises(UnknownNameError, match="caging, contact, proximity"):
         CmaEsPlanner(objective="cage")
     with pytest.raises(UnknownNameError, match="enclose, rest"):
         CmaEsPlanner(start="home")
-    with pytest.raises(InvalidParameterError, match="population"):
-        CmaEsPlanner(population=0)
+    for choice in (
+        {"population": 0}, {"population": 2.5}, {"sigma": -1.0}, {"arrive": 0.0}, {"screening": -5},
+        {"robust_samples": 0}, {"robust_points": 6}, {"robust_sigma": np.nan},
+    ):  # fmt: skip
+        with pytest.raises(InvalidParameterError, match=next(iter(choice))):
+            CmaEsPlanner(**choice)
+    with pytest.raises(UnknownNameError, match="default, paper"):
+        CmaEsPlanner(preset="journal")
+    with pytest.raises(UnknownNameError, match="PlanarArmPush"):
+        CmaEsPlanner().plan("CartPole-v1")
+    with pytest.raises(InvalidParameterError, match="seed"):
+        CmaEsPlanner().plan(PUSH, seed=-1)
+    with pytest.raises(InvalidParameterError, match="preset"):
+        CmaEsPlanner().plan(PUSH, preset="paper")

@@ -1,0 +1,151 @@
+"""States: saved, restored, rolled out from, and given to reset."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from piec_envs.episodes.start import StartSampler
+from piec_envs.episodes.state import PlantParams
+from piec_envs.geometry.distance import scene_distances
+from piec_envs.registration import ENVS
+from piec_envs.world.scene import pack_scene
+
+NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
+
+
+def same(a, b) -> bool:
+    """Equal to the last bit, through dicts."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
+    return np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+def test_state_restores_everything(env_id):
+    env = gym.make(env_id, **NOISY).unwrapped
+    env.reset(seed=1)
+    actions = np.random.default_rng(2).uniform(-1, 1, (60, 4))
+    for action in actions[:25]:
+        env.step(action)
+    state = env.get_state()
+    expected = [env.step(action) for action in actions[25:]]
+    other = gym.make(env_id, **NOISY).unwrapped
+    other.reset(seed=99)
+    for restore in (env.set_state, other.set_state, lambda s: other.reset(options={"state": s})):
+        restore(state)
+        continued = [(env if restore == env.set_state else other).step(action) for action in actions[25:]]
+        for a, b in zip(expected, continued, strict=True):
+            assert same(a[0], b[0]) and a[1] == b[1] and same(a[4], b[4])
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+@pytest.mark.parametrize("choice", [NOISY, {"escape_field": None}], ids=str)
+def test_rollout_equals_stepping(env_id, choice):
+    env = gym.make(env_id, **choice).unwrapped
+    env.reset(seed=3)
+    for _ in range(13):  # a rollout may begin between two refreshes of the field
+        env.step(np.full(4, 0.5))
+    state = env.get_state()
+    controls = np.random.default_rng(0).uniform(-1, 1, (2, 40, 4))
+    rollout = env.rollout(state, controls=controls)
+    path = env.rollout(state, path=state.q_r[:, None] + np.linspace(0, 0.3, 40)[None, :, None] * np.ones(4))
+    followed = env.rollout(state, controls=path.motion.actions)
+    np.testing.assert_array_equal(followed.motion.pose, path.motion.pose)
+    for i in range(2):
+        env.set_state(state)
+        for t in range(40):
+            _, reward, _, _, info = env.step(controls[i, t])
+            now = env.get_state()
+            np.testing.assert_array_equal(now.pose[0], rollout.motion.pose[i, t + 1])
+            np.testing.assert_array_equal(now.q_r[0], rollout.motion.q_r[i, t + 1])
+            assert now.escape_time[0] == rollout.escape_time[i, t + 1]
+            assert reward == -1e-3 * rollout.column("cost")[i, t + 1]
+            assert info["goal_distance"] == rollout.column("goal_distance")[i, t + 1]
+
+
+def test_shape_mismatch_moves_an_overlapping_start():
+    """The true object is larger than the planned one: the start gives way by at most 20 mm."""
+    batch = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None).unwrapped.batch
+    task = dataclasses.replace(batch.task, start=np.array([0.6, 0.13, 0.4]))  # free for the circle alone
+    sampler = StartSampler(batch.robot, task, batch.config)
+    circle, square = (
+        sampler.draw(PlantParams(object=name), 0, np.random.default_rng(0)) for name in ("circle", "square")
+    )
+    np.testing.assert_array_equal(circle.pose[0], task.start)
+    moved = square.pose[0] - task.start
+    assert 0 < np.hypot(moved[0], moved[1]) <= 0.02 + 1e-12 and abs(moved[2]) <= 0.3 + 1e-12
+    distances = np.empty(4)
+    scene_distances(pack_scene("planar_arm", "square"), square.q_r[0], square.pose[0], distances)
+    assert distances.min() >= 0
+    np.testing.assert_array_equal(square.start, square.pose)
+
+
+def test_reset_with_a_state_takes_each_row_its_own():
+    envs = gym.make_vec("piec_envs/PlanarArmPush-v0", num_envs=3, **NOISY)
+    envs.reset(seed=0)
+    for _ in range(7):
+        envs.step(np.random.default_rng(0).uniform(-1, 1, (3, 4)))
+    state = envs.unwrapped.get_state()
+    for _ in range(5):
+        envs.step(np.ones((3, 4)))
+    envs.reset(options={"state": state, "reset_mask": np.array([False, True, True])})
+    now = envs.unwrapped.get_state()
+    np.testing.assert_array_equal(now.pose[1:], state.pose[1:])
+    assert now.step.tolist() == [12, 7, 7]
+
+
+def test_rollout_of_rows_at_different_steps_equals_stepping():
+    envs = gym.make_vec("piec_envs/PlanarArmPush-v0", num_envs=2, **NOISY)
+    envs.reset(seed=0)
+    for _ in range(3):
+        envs.step(np.ones((2, 4)))
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    controls = np.random.default_rng(1).uniform(-1, 1, (2, 30, 4))
+    rollout = envs.unwrapped.rollout(envs.unwrapped.get_state(), controls=controls)
+    for t in range(30):
+        envs.step(controls[:, t])
+        now = envs.unwrapped.get_state()
+        np.testing.assert_array_equal(now.pose, rollout.motion.pose[:, t + 1])
+        np.testing.assert_array_equal(now.escape_time, rollout.escape_time[:, t + 1])
+
+
+def test_any_state_of_an_episode_can_be_restored():
+    """Displaced poses overlap the arm for a moment; they are states all the same."""
+    env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None, disturbance=0.005, noise_entry="state").unwrapped
+    env.reset(seed=0, options={"state": {"pose": [0.6, 0.13, 0.0]}})
+    for _ in range(60):
+        env.step(np.array([1.0, 0.0, 0.0, 0.0]))
+        state = env.get_state()
+        env.reset(options={"state": state})
+        np.testing.assert_array_equal(env.get_state().pose, state.pose)
+
+
+def test_an_object_that_fled_stays_when_it_no_longer_flees():
+    env = gym.make("piec_envs/PlanarArmPush-v0", adversary=1.0).unwrapped
+    env.reset(seed=0, options={"state": {"pose": [-0.5, -0.5, 0.0]}})
+    env.step(np.zeros(4))
+    calm = {"adversary": 0.0, "disturbance": 1e-9}
+    env.reset(options={"state": env.get_state(), "params": calm})
+    before = env.get_state().pose
+    for _ in range(50):
+        env.step(np.zeros(4))
+    np.testing.assert_allclose(env.get_state().pose, before, atol=1e-6)
+
+
+def test_one_row_begins_anew_without_touching_the_others_noise():
+    envs = gym.make_vec("piec_envs/PlanarArmPush-v0", num_envs=2, escape_field=None, disturbance=0.005)
+    other = gym.make_vec("piec_envs/PlanarArmPush-v0", num_envs=2, escape_field=None, disturbance=0.005)
+    for each in (envs, other):
+        each.reset(seed=0)
+        each.step(np.zeros((2, 4)))
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    for _ in range(20):
+        envs.step(np.zeros((2, 4)))
+        other.step(np.zeros((2, 4)))
+    a, b = envs.unwrapped.get_state(), other.unwrapped.get_state()
+    np.testing.assert_array_equal(a.pose[0], b.pose[0])
+    assert (a.pose[1] != b.pose[1]).any()
