@@ -13,16 +13,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("--quick", action="store_true", help="small sizes and few repetitions, to see that it runs")
     parser.add_argument(
-        "--out", type=Path, default=Path("results/bench.json"), help="file to write (default: %(default)s)"
+        "--out", type=Path, help="file to write (default: results/bench.json, with --quick runs/bench.json)"
     )
 
 
 def run(args: argparse.Namespace) -> Report:
-    """Run every benchmark in turn and write one file."""
+    """Run every benchmark in turn; write all figures as JSON, and a table beside them."""
     from evaluation.bench import QUICK, Sizes, run_bench
     from evaluation.records import to_json
     from evaluation.tables import markdown, write_atomic
 
     results = run_bench(QUICK if args.quick else Sizes(), progress=True)
-    path = write_atomic(args.out, json.dumps(to_json(results), indent=2, allow_nan=False) + "\n")
-    return Report(markdown(results["rows"]), results, [path])
+    out = args.out or Path("runs" if args.quick else "results") / "bench.json"
+    table = markdown(results["rows"])
+    machine = f"{results['machine']['cores']} cores, {results['machine']['architecture']}"
+    paths = [
+        write_atomic(out, json.dumps(to_json(results), indent=2, allow_nan=False) + "\n"),
+        write_atomic(out.with_suffix(".md"), f"# Speed\n\n`piec bench` on {machine}.\n\n{table}\n"),
+    ]
+    return Report(table, results, paths)

@@ -1,0 +1,49 @@
+"""The README says nothing that the repository does not hold."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from piec_envs.registration import ENVS
+
+ROOT = Path(__file__).resolve().parents[1]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def test_links_lead_somewhere():
+    links = re.findall(r"\]\(([^)#]+)\)", TEXT)
+    assert links
+    missing = [link for link in links if "://" not in link and not (ROOT / link).exists()]
+    assert not missing
+
+
+def test_every_env_stands_in_the_table():
+    for env_id in ENVS:
+        assert f"| `{env_id}` |" in TEXT
+
+
+def test_the_quick_start_is_short_and_parses():
+    code = re.search(r"```python\n(.*?)```", TEXT, re.DOTALL)
+    assert code is not None
+    ast.parse(code[1])
+    assert len([line for line in code[1].splitlines() if line.strip()]) <= 12
+
+
+@pytest.mark.parametrize("source", ["results/planar-disturbance/table.md", "results/bench.md"])
+def test_numbers_stand_in_the_recorded_tables(source):
+    """Each row that the README quotes is a part of a row of the recorded table."""
+    quoted = re.search(rf"<!-- from {re.escape(source)} -->\n\n(.*?)\n\n", TEXT, re.DOTALL)
+    assert quoted is not None
+    recorded = [set(cells(line)) for line in (ROOT / source).read_text(encoding="utf-8").splitlines() if "|" in line]
+    rows = quoted[1].splitlines()
+    assert len(rows) > 3
+    for line in (line for line in rows if "---" not in line):
+        assert any(set(cells(line)) <= row for row in recorded), line
