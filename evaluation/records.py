@@ -11,9 +11,7 @@ import hashlib
 import json
 import math
 import os
-import platform
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from piec_envs.errors import RecordError
+from piec_envs.versions import versions
 
 try:
     import fcntl
@@ -30,18 +29,6 @@ except ImportError:  # not a POSIX system: a second run is not kept out there
 FORMAT = "piec-record-1"
 _FIRST = f'{{"format":"{FORMAT}",'.encode()  # every line begins so
 _FIELDS = ("format", "key", "spec", "seed", "result", "seconds", "versions")
-_PACKAGES = ("piec-envs", "numpy", "numba", "scipy", "gymnasium", "cma", "mujoco")
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything that a result depends on; nothing is imported for it."""
-    found = {"python": platform.python_version()}
-    for name in _PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def to_json(value: Any) -> Any:

@@ -6,7 +6,6 @@ import json
 import os
 import zipfile
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +13,11 @@ import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
 from piec_envs.errors import InvalidActionError, PlanError
+from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import ROBOTS, get_robot
 
 FORMAT = "piec-plan-1"
 _META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
-
-
-def engine_versions() -> dict[str, str]:
-    """Versions of everything that a result depends on."""
-    names = ("piec-envs", "numpy", "numba", "scipy", "gymnasium", "cma", "mujoco")
-    versions = {}
-    for name in names:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +52,7 @@ class Plan:
     seed: int
     cost: float
     nominal: dict[str, float]
-    versions: dict[str, str] = field(default_factory=engine_versions)
+    versions: dict[str, str] = field(default_factory=current_versions)
 
     def save(self, path: str | os.PathLike) -> Path:
         """Write the plan as an npz file without pickle, under a temporary name first."""

@@ -14,8 +14,8 @@ from evaluation.bench.base import QUICK, Row, Sizes
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
 from evaluation.bench.kernels import contact_step, escape_fields, slowest_steps
 from evaluation.bench.planning import full_plans
-from evaluation.records import versions
 from piec_envs.parallel import available_threads
+from piec_envs.versions import versions
 
 __all__ = ["QUICK", "Sizes", "run_bench"]
 
