@@ -10,6 +10,7 @@ import numpy as np
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.rollout import Rollout
 from piec_envs.episodes.state import State
+from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import check_name
 from piec_envs.geometry.distance import self_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
@@ -18,7 +19,8 @@ from piec_envs.parallel import run_rows
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
-MISS_WEIGHT = 1e5  # per metre by which the undisturbed run ends outside the goal region
+MISS_WEIGHT = 1e5  # per metre by which a run ends outside the goal region, ...
+MISS_MARGIN = 0.02  # m, ... and for disturbed runs outside a region smaller by this much
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,10 @@ class PathCost:
         return rollout.cost + self._penalties(rollout)
 
     def disturbed(self, path: np.ndarray, samples: State) -> np.ndarray:
-        """The nominal cost with its task term averaged over the nominal run and disturbed ones.
+        """The nominal cost with its task term averaged over disturbed runs, and a penalty on their misses.
+
+        The disturbed runs follow the joint path that the nominal run realised, since that is what will
+        be executed: a commanded path can press on the object, the realised one only encloses it.
 
         Args:
             path: absolute joint positions, shape (B, N, n).
@@ -138,11 +143,15 @@ class PathCost:
         nominal = rollout.column("cost_task")[:, 1:].sum(axis=1)
         rows, count = len(path), samples.rows
         noisy = self._plain.rollout(
-            samples.take(np.tile(np.arange(count), rows)), np.repeat(path, count, axis=0), absolute=True
+            samples.take(np.tile(np.arange(count), rows)),
+            np.repeat(rollout.motion.q_r[:, 1:], count, axis=0),
+            absolute=True,
         )
         task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)
         excess = (nominal + task) / (1 + count) - nominal
-        return rollout.cost + self.batch.weights.task * excess + self._penalties(rollout)
+        beyond = noisy.column("goal_distance")[:, -1].reshape(rows, count) - (GOAL_RADIUS - MISS_MARGIN)
+        miss = MISS_WEIGHT * np.maximum(0.0, beyond).mean(axis=1)
+        return rollout.cost + self.batch.weights.task * excess + miss + self._penalties(rollout)
 
     def _run(self, path: np.ndarray) -> Rollout:
         return self.batch.rollout(self.start, path, absolute=True)

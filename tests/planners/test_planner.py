@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
 from planners import CmaEsPlanner
 from planners.cma_es import disturbed_samples
 from planners.configuration import enclosing_posture, posture_values
-from planners.objectives import OBJECTIVES, PathCost, crossing
+from planners.objectives import MISS_MARGIN, MISS_WEIGHT, OBJECTIVES, PathCost, crossing
 from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory
 
@@ -60,10 +61,12 @@ def test_crossing_is_zero_for_a_free_arm_and_positive_for_a_knot(batch):
     assert crossing(batch, knot)[0] > 0.1
 
 
-def test_disturbed_cost_without_disturbance_is_the_nominal_one(batch):
+def test_disturbed_cost_without_disturbance_is_the_nominal_one_but_for_the_margin(batch):
     cost = PathCost(batch, batch.state)
-    path = np.linspace(0, 1, 1000)[None, :, None] * np.array([1.5, 0.5, 0.5, 0.5])
-    np.testing.assert_allclose(cost.disturbed(path, batch.state), cost.nominal(path), rtol=1e-12)
+    path = np.linspace(0, 1, 1000)[None, :, None] * np.array([-1.5, 0.5, 0.5, 0.5])  # touches nothing
+    end = batch.rollout(batch.state, path, absolute=True).column("goal_distance")[0, -1]
+    margin = MISS_WEIGHT * (end - (GOAL_RADIUS - MISS_MARGIN))
+    np.testing.assert_allclose(cost.disturbed(path, batch.state), cost.nominal(path) + margin, rtol=1e-9)
 
 
 def test_enclosing_posture_holds_the_object(batch):
