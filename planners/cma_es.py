@@ -105,9 +105,6 @@ class CmaEsPlanner:
         """
         check_name("environment", env_id, ENVS)
         as_count("seed", seed, least=0)
-        for name in DECIDED:
-            if name in env_kwargs:
-                raise InvalidParameterError(f"{name!r} follows from the planner's objective and preset")
         nominal = self._nominal_kwargs(env_kwargs)
         env: Any = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
         env.reset(seed=seed)
@@ -126,6 +123,11 @@ class CmaEsPlanner:
             own["escape_every"] = self.escape_every
         else:
             own["escape_field"] = None
+        for name in DECIDED:
+            if name in env_kwargs and env_kwargs[name] != own[name]:
+                raise InvalidParameterError(
+                    f"{name!r} follows from the planner's objective and preset: {own[name]!r}, not {env_kwargs[name]!r}"
+                )
         return {**own, **env_kwargs}
 
 
