@@ -86,6 +86,14 @@ def test_bad_input_is_refused(sweep_plan):
         evaluate(lambda observation: np.zeros(4), PUSH, episodes=2, env_kwargs=NO_FIELD)
 
 
+@pytest.mark.parametrize("name", ["num_envs", "max_episode_steps", "autoreset_mode"])
+def test_what_evaluate_decides_cannot_be_given(sweep_plan, name):
+    """A shorter episode would begin anew within the row and be taken for the end of the first."""
+    policy = OpenLoopPolicy(sweep_plan)
+    with pytest.raises(InvalidParameterError, match=name):
+        evaluate(policy, sweep_plan.env_id, env_kwargs={name: 100})
+
+
 def test_a_plan_with_other_joints_is_refused(sweep_plan):
     other = OpenLoopPolicy(dataclasses.replace(sweep_plan, joints=("a", "b", "c", "d")))
     with pytest.raises(PlanError, match="joints"):
