@@ -57,10 +57,11 @@ def with_masks(info: dict, rows: np.ndarray) -> dict:
         The arrays, blank in the other rows, each beside its mask under the key with a leading "_".
     """
     masked: dict = {}
+    whole = bool(rows.all())
     for name, value in info.items():
         if isinstance(value, dict):
             masked[name] = with_masks(value, rows)
-        elif rows.all():
+        elif whole:
             masked[name] = value
         else:
             masked[name] = np.full_like(value, None if value.dtype == object else 0)
