@@ -80,7 +80,7 @@ COMMANDS = {
         Command(
             "reproduce",
             "run a study of the paper again, or go on with one that was stopped",
-            ("piec reproduce planar-disturbance --jobs 2", "piec reproduce all --smoke --out /tmp/smoke"),
+            ("piec reproduce planar-disturbance --jobs 2", "piec reproduce all --smoke --out runs/smoke"),
             "reproduce",
         ),
         Command("bench", "measure speeds and write them to a file", ("piec bench", "piec bench --quick"), "bench"),
