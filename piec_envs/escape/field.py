@@ -18,7 +18,11 @@ REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max}
 
 
 class EscapeField(Protocol):
-    """Anything that answers escape times: exact (`grid`) or learned. Shapes as in `GridField`."""
+    """Anything that answers escape times: exact (`grid`) or learned. Shapes as in `GridField`.
+
+    On and outside the workspace disc an object has escaped: T and its gradients are 0 there, and the
+    escape path is the point alone. Points and configurations that are not finite are refused.
+    """
 
     name: str
 
@@ -29,7 +33,7 @@ class EscapeField(Protocol):
 
     @property
     def leak(self) -> float:
-        """Speed within the wall over u_bar; 0 is a hard wall."""
+        """Speed within the wall over u_bar, below 1; 0 is a hard wall."""
         ...
 
     def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:

@@ -120,7 +120,7 @@ class GridField:
 
     @property
     def leak(self) -> float:
-        """Speed within the wall over u_bar; 0 is a hard wall."""
+        """Speed within the wall over u_bar, below 1; 0 is a hard wall."""
         return self.speed.leak
 
     def spec(self) -> dict:
@@ -141,7 +141,7 @@ class GridField:
             q_r: joint positions, shape (B, n) or (n,), rad or m.
 
         Returns:
-            T, shape (B, k) or (k,), s; 0 outside the disc, inf where nothing leads out.
+            T, shape (B, k) or (k,), s; 0 on and outside the disc, inf where nothing leads out.
 
         Raises:
             InvalidStateError: if the shapes do not fit or a number is not finite.

@@ -40,7 +40,7 @@ class SpeedModel:
         s: steepness of the sigmoid, 1/m.
         d0: thickness of the wall around the robot, m.
         floor: least share of u_bar outside the wall.
-        leak: share of u_bar inside the wall; 0 closes it.
+        leak: share of u_bar inside the wall, below 1; 0 closes it.
 
     Raises:
         InvalidParameterError: if a number is not finite or outside its range.
@@ -55,18 +55,18 @@ class SpeedModel:
     leak: float = 0.05
 
     def __post_init__(self):
-        for name, low, high in (
-            ("u_bar", 1e-12, np.inf),
-            ("a_min", 1e-12, 1.0),
-            ("tau", -np.inf, np.inf),
-            ("s", 0.0, np.inf),
-            ("d0", 0.0, np.inf),
-            ("floor", 0.0, 1.0),
-            ("leak", 0.0, 1.0),
+        for name, low, high, end in (
+            ("u_bar", 1e-12, np.inf, ")"),
+            ("a_min", 1e-12, 1.0, "]"),
+            ("tau", -np.inf, np.inf, ")"),
+            ("s", 0.0, np.inf, ")"),
+            ("d0", 0.0, np.inf, ")"),
+            ("floor", 0.0, 1.0, "]"),
+            ("leak", 0.0, 1.0, ")"),
         ):
             value = getattr(self, name)
-            if not (np.isfinite(value) and low <= value <= high):
-                raise InvalidParameterError(f"{name} must be finite and in [{low}, {high}], got {value}")
+            if not (np.isfinite(value) and (low <= value < high or (end == "]" and value == high))):
+                raise InvalidParameterError(f"{name} must be finite and in [{low}, {high}{end}, got {value}")
             object.__setattr__(self, name, float(value))
 
     def speed(self, d):

@@ -49,6 +49,7 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"escape_field": {"speed": {"leek": 1}}}, InvalidParameterError, "leek"),
         ({"escape_field": {"speed": "fast"}}, InvalidParameterError, "grid"),
         ({"escape_field": {"speed": {"leak": 0.0}}}, InvalidParameterError, "leaky wall"),
+        ({"escape_field": {"speed": {"leak": 1.0}}}, InvalidParameterError, r"\[0.0, 1.0\)"),
         ({"goal": "home"}, InvalidParameterError, "goal"),
         ({"start_noise": "some"}, InvalidParameterError, "start_noise"),
         ({"randomize": "friction"}, InvalidParameterError, "randomize"),

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.escape import CAGING_SCALE, FIELDS, SpeedModel, key_points_world, make_field, object_escape_time
 from piec_envs.world.objects import OBJECTS
+from piec_envs.world.robots import get_robot
 
 Q = np.array([0.3, 0.9, 1.1, 0.7])
 
@@ -22,6 +23,36 @@ def test_a_field_is_remade_from_its_spec(name):
     points = np.array([[0.4, 0.3], [-0.5, 0.8]])
     assert field.name == name
     assert (again.query(points, Q) == field.query(points, Q)).all()
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("q", [Q, np.zeros(4)], ids=["curled", "straight"])  # the straight arm reaches the circle
+def test_a_point_on_or_outside_the_disc_has_escaped(name, q):
+    field, radius = make_field(name, "planar_arm"), get_robot("planar_arm").workspace_radius
+    angle = np.linspace(0, 2 * np.pi, 12)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.concatenate([radius * (1 + 1e-12) * ring, 1.03 * radius * ring, 100 * ring])
+    T, dT_dp, dT_dq = field.gradients(points, q)
+    assert (T == 0).all() and (dT_dp == 0).all() and (dT_dq == 0).all()
+    assert (field.query(points, q) == 0).all() and (field.query(0.99 * radius * ring, q) > 0).all()
+    assert (field.escape_path(points[-1], q) == points[-1:]).all()
+    drawn = field.solve(q)
+    outside = np.hypot(*np.meshgrid(drawn.x, drawn.y)) >= radius
+    assert outside.any() and (drawn.T[outside] == 0).all()
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_refused(name, bad):
+    field = make_field(name, "planar_arm")
+    for points, q in ((np.array([[bad, 0.0]]), Q), (np.zeros((1, 2)), np.array([0.0, bad, 0.0, 0.0]))):
+        for ask in (field.query, field.point_gradients, field.gradients):
+            with pytest.raises(InvalidStateError, match="finite"):
+                ask(points, q)
+    with pytest.raises(InvalidStateError, match="finite"):
+        field.escape_path(np.array([bad, 0.0]), Q)
+    with pytest.raises(InvalidStateError, match="finite"):
+        field.solve(np.array([bad, 0.0, 0.0, 0.0]))
 
 
 def test_equal_arguments_give_the_same_instance():

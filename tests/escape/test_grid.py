@@ -35,7 +35,7 @@ def field(request):
 
 
 @settings(max_examples=30, deadline=None)
-@given(configurations, st.sampled_from(METHODS), st.sampled_from([0.0, 0.05, 1.0]), st.integers(0, 10**6))
+@given(configurations, st.sampled_from(METHODS), st.sampled_from([0.0, 0.05, 0.99]), st.integers(0, 10**6))
 def test_no_point_escapes_faster_than_in_a_straight_line(q, method, leak, seed):
     points = np.random.default_rng(seed).uniform(-1.6, 1.6, (50, 2))
     T = GridField(method=method, speed=SpeedModel(leak=leak)).query(points, q)

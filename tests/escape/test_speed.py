@@ -68,3 +68,11 @@ def test_distance_map_equals_point_distance():
 def test_numbers_out_of_range_are_refused(bad):
     with pytest.raises(InvalidParameterError, match=next(iter(bad))):
         SpeedModel(**bad)
+
+
+@pytest.mark.parametrize("leak", [1.0, 1.5, -1e-3, np.inf, np.nan])
+def test_a_wall_that_slows_nothing_is_none(leak):
+    with pytest.raises(InvalidParameterError, match=r"leak must be finite and in \[0.0, 1.0\), got"):
+        SpeedModel(leak=leak)
+    assert SpeedModel(leak=0.99).speed(0.0) == pytest.approx(0.99 * 0.05)
+    assert SpeedModel(a_min=1.0, floor=1.0).a_min == 1.0  # the other shares may reach 1
