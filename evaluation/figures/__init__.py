@@ -3,15 +3,18 @@
 from evaluation.figures.animation import animate_rollouts
 from evaluation.figures.base import MODES, Mode, Trajectory
 from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
+from evaluation.figures.obstacle import ObstaclePanel, escape_times
 from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
 
 __all__ = [
     "MODES",
     "Mode",
+    "ObstaclePanel",
     "Trajectory",
     "animate_rollouts",
     "contact_fractions",
     "distance_bands",
+    "escape_times",
     "field_strip",
     "final_distances",
     "keyframes",

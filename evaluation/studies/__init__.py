@@ -34,6 +34,11 @@ STUDIES = {
     row.name: row
     for row in (
         Study(
+            "eikonal-toy",
+            "evaluation.studies.eikonal_toy",
+            "the escape time of a point mass in a square annulus (paper, section 3.4)",
+        ),
+        Study(
             "planar-objectives",
             "evaluation.studies.planar_objectives",
             "what the three objectives make the arm do (paper, section 5.5)",

@@ -2,6 +2,7 @@
 
 from piec_envs.escape.field import CAGING_SCALE, FIELDS, EscapeField, key_points_world, make_field, object_escape_time
 from piec_envs.escape.grid import GridField
+from piec_envs.escape.obstacle import ObstacleField
 from piec_envs.escape.speed import SpeedModel
 
 __all__ = [
@@ -9,6 +10,7 @@ __all__ = [
     "FIELDS",
     "EscapeField",
     "GridField",
+    "ObstacleField",
     "SpeedModel",
     "key_points_world",
     "make_field",

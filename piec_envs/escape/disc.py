@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import uint64
 
+from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.between import Field
 from piec_envs.escape.marching import march, sort_by_time
 from piec_envs.escape.speed import cost_map, distance_map
@@ -21,6 +22,7 @@ from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel, kernel
 
 MARGIN = 2  # cells between the circle and the border of the grid
+MIN_RESOLUTION = 16
 EDGE = 2.9  # nodes this many cells outside the circle take part in the stencils of those inside
 
 
@@ -68,7 +70,13 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
         radius: of the workspace, m.
         u_bar: speed in free space, m/s.
         resolution: nodes a side.
+
+    Raises:
+        InvalidParameterError: if the resolution is below 16.
     """
+    if int(resolution) != resolution or resolution < MIN_RESOLUTION:
+        raise InvalidParameterError(f"resolution must be an integer of at least {MIN_RESOLUTION}, got {resolution}")
+    resolution = int(resolution)
     h = 2 * radius / (resolution - 1 - 2 * MARGIN)
     axis = (np.arange(resolution) - (resolution - 1) / 2) * h  # (N,)
     y, x = np.meshgrid(axis, axis, indexing="ij")  # (N, N)
@@ -98,13 +106,19 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
 
 
 @batch_kernel
-def make_scratch(scene, disc):
-    """Working memory for one thread."""
+def make_scratch(robot, frames, disc):
+    """Working memory for one thread.
+
+    Args:
+        robot: the `PackedShapes` that will be placed.
+        frames: how many frames they are fixed in.
+        disc: a `Disc`.
+    """
     n, m = disc.axis.shape[0], disc.x.shape[0]
     return Scratch(
-        np.empty((scene.joint_axis.shape[0] + 1, 4)),
-        np.empty_like(scene.robot.vertices),
-        np.empty_like(scene.robot.centre),
+        np.empty((frames, 4)),
+        np.empty_like(robot.vertices),
+        np.empty_like(robot.centre),
         np.empty(m),
         np.empty(m),
         np.empty((2, m)),

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.errors import InvalidParameterError, InvalidStateError, check_name
-from piec_envs.escape.between import distance_at, value
-from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
+from piec_envs.errors import InvalidStateError, check_name
+from piec_envs.escape.between import Field, distance_at, value
+from piec_envs.escape.disc import Disc, make_disc, make_scratch, place_robot, solve_disc
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, configuration_gradient, trace
 from piec_envs.escape.speed import SpeedModel, slowness
 from piec_envs.escape.sweeping import FAR
@@ -19,7 +19,6 @@ from piec_envs.world.scene import pack_scene
 
 METHODS = {"sweeping": False, "marching": True}  # first order, second order
 VALUE, POINT_GRADIENT, ALL_GRADIENTS = 0, 1, 2  # how much `_answer` computes
-MIN_RESOLUTION = 16
 
 
 class FieldMap(NamedTuple):
@@ -32,6 +31,20 @@ class FieldMap(NamedTuple):
     y: np.ndarray  # (N,) m
     T: np.ndarray  # (N, N) s, 0 outside the disc, inf where nothing leads out
     speed: np.ndarray  # (N, N) m/s
+
+
+def draw_map(field: Field, disc: Disc, speed: SpeedModel, centre=(0.0, 0.0)) -> FieldMap:
+    """A solved field as a `FieldMap` around the disc's centre."""
+    outside = disc.bound <= 0  # (N, N)
+    T = np.where(field.time < FAR, np.maximum(field.time, 0.0), np.inf)
+    u = np.where(outside, speed.u_bar, speed.speed(field.distance))
+    return FieldMap(disc.axis + centre[0], disc.axis + centre[1], np.where(outside, 0.0, T), u)
+
+
+def find_path(field: Field, point: np.ndarray) -> np.ndarray:
+    """Fastest way out of a solved field from a point, shapes (m, 2), (2,), relative to the disc's centre, m."""
+    path = np.empty((MAX_STEPS_PER_NODE * len(field.time), 2))
+    return path[: trace(field, point[0], point[1], path)]
 
 
 @kernel
@@ -56,7 +69,7 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
     times, slopes_p, slopes_q = out
     if hi <= lo:
         return
-    scratch = make_scratch(scene, disc)
+    scratch = make_scratch(scene.robot, q.shape[1] + 1, disc)
     for row in range(lo, hi):
         b_x, b_y = place_robot(scene, base, q[row], scratch)
         field = solve_disc(scene.robot, speed, disc, second_order, scratch)
@@ -101,8 +114,6 @@ class GridField:
         threads: int | None = None,
     ):
         check_name("method", method, METHODS)
-        if int(resolution) != resolution or resolution < MIN_RESOLUTION:
-            raise InvalidParameterError(f"resolution must be an integer of at least {MIN_RESOLUTION}, got {resolution}")
         robot = get_robot(robot_name)
         self.robot_name, self.resolution, self.method = robot_name, int(resolution), method
         self.speed = speed or SpeedModel()
@@ -111,7 +122,7 @@ class GridField:
         self._base = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)
         self._scene = pack_scene(robot_name, "circle")
         self._packed = self.speed.packed()
-        self._disc = make_disc(robot.workspace_radius, self.speed.u_bar, self.resolution)
+        self._disc = make_disc(robot.workspace_radius, self.speed.u_bar, resolution)
 
     @property
     def u_bar(self) -> float:
@@ -193,10 +204,7 @@ class GridField:
             InvalidStateError: if q_r has the wrong shape or is not finite.
         """
         field, base = self._solve(self._rows(np.empty((0, 2)), q_r)[1][0])
-        outside = self._disc.bound <= 0  # (N, N)
-        T = np.where(field.time < FAR, np.maximum(field.time, 0.0), np.inf)
-        speed = np.where(outside, self.u_bar, self.speed.speed(field.distance))
-        return FieldMap(self._disc.axis + base[0], self._disc.axis + base[1], np.where(outside, 0.0, T), speed)
+        return draw_map(field, self._disc, self.speed, base)
 
     def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
         """Fastest way out for a point.
@@ -214,13 +222,11 @@ class GridField:
         """
         points, q, _ = self._rows(np.reshape(point, (1, 2)), q_r)
         field, base = self._solve(q[0])
-        path = np.empty((MAX_STEPS_PER_NODE * self.resolution, 2))
-        count = trace(field, *(points[0, 0] - base), path)
-        return path[:count] + base
+        return find_path(field, points[0, 0] - base) + base
 
     def _solve(self, q):
         """One configuration as a `Field`, and the position of the base."""
-        scratch = make_scratch(self._scene, self._disc)
+        scratch = make_scratch(self._scene.robot, self._dof + 1, self._disc)
         base = place_robot(self._scene, self._base, q, scratch)
         return solve_disc(self._scene.robot, self._packed, self._disc, METHODS[self.method], scratch), np.array(base)
 

@@ -185,10 +185,15 @@ def draw_reference(ax: Axes, reference: np.ndarray, **style: Any) -> None:
 
 def draw_workspace(ax: Axes, robot: Robot, q: np.ndarray) -> Any:
     """Draw the circle that an escaping object has to cross, dashed, and return it."""
+    return draw_escape_circle(ax, base_position(robot, q), robot.workspace_radius)
+
+
+def draw_escape_circle(ax: Axes, centre: np.ndarray, radius: float) -> Any:
+    """Draw a circle that is to be crossed, dashed, around `centre`, shape (2,), m, and return it."""
     from matplotlib.patches import Circle
 
-    x, y = base_position(robot, q)
-    circle = Circle((x, y), robot.workspace_radius, fill=False, edgecolor=EDGE_OF_WORKSPACE, lw=1.4, ls=(0, (6, 4)))
+    x, y = centre
+    circle = Circle((x, y), radius, fill=False, edgecolor=EDGE_OF_WORKSPACE, lw=1.4, ls=(0, (6, 4)))
     circle.set_zorder(7)
     ax.add_artist(circle)
     return circle

@@ -95,7 +95,12 @@ def _filled(field_map: FieldMap, speed: SpeedModel) -> np.ndarray:
     """Caging on the grid, carried on evenly into the wall, which hides it, so that contours run up to it."""
     wall = field_map.speed <= max(speed.leak, speed.floor) * speed.u_bar * (1 + 1e-9)  # (N, N)
     caging = CAGING_SCALE * np.where(np.isfinite(field_map.T), field_map.T, FIELD_TOP / CAGING_SCALE)
-    if wall.any():
-        rows, columns = distance_transform_edt(wall, return_distances=False, return_indices=True)
-        caging = caging[rows, columns]
-    return np.minimum(caging, FIELD_TOP)
+    return np.minimum(carried_into_wall(caging, wall), FIELD_TOP)
+
+
+def carried_into_wall(values: np.ndarray, wall: np.ndarray) -> np.ndarray:
+    """Values on a grid, those in the wall replaced by the nearest ones outside it, shapes (N, N)."""
+    if not wall.any():
+        return values
+    rows, columns = distance_transform_edt(wall, return_distances=False, return_indices=True)
+    return values[rows, columns]

@@ -114,7 +114,7 @@ def test_bench(piec, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["reproduce", "planar-everything"], "known: planar-adversary"),
+        (["reproduce", "planar-everything"], "Did you mean 'planar-adversary'?"),
         (["plan", "--objective", "luck"], "known: adversarial"),
         (["plan", "--planner", "luck=1"], "planner setting"),
         (["plan", "--planner", "iterations=many"], "such as 100"),

@@ -15,7 +15,9 @@ from evaluation import figures
 from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
 from evaluation.figures.base import MODES, bounds, mode_of
 from evaluation.figures.scenes import keyframe_steps, strip_steps
+from evaluation.studies.annulus import Annulus
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
+from piec_envs.escape.obstacle import ObstacleField
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS, ROLLOUTS = 60, 7
@@ -39,6 +41,18 @@ SERIES = {plan.mode: np.linalg.norm(plan.disturbed[..., :2] - GOAL, axis=-1) for
 SWEEP = {mode: {0.001: rows, 0.005: 2 * rows} for mode, rows in SERIES.items()}
 FINAL = {mode: {sigma: rows[:, -1] for sigma, rows in row.items()} for mode, row in SWEEP.items()}
 
+RING = Annulus()
+SOLVED = ObstacleField(RING.walls, RING.radius, resolution=64)
+PANEL = figures.ObstaclePanel(
+    title="hard wall",
+    field_map=SOLVED.solve(),
+    outlines=(RING.outline(RING.outer), RING.outline(RING.inner)),
+    radius=RING.radius,
+    star=np.array(RING.centre),
+    point=("A", np.zeros(2)),
+    paths=(SOLVED.escape_path(np.zeros(2)),),
+)
+
 DRAW = {
     "keyframes": lambda path: figures.keyframes(PLANS, path),
     "trajectories": lambda path: figures.trajectories(PLANS, path),
@@ -50,6 +64,7 @@ DRAW = {
     "over_time": lambda path: figures.over_time(SERIES, "distance [m]", path),
     "distance_bands": lambda path: figures.distance_bands(SWEEP, path),
     "final_distances": lambda path: figures.final_distances(FINAL, path),
+    "escape_times": lambda path: figures.escape_times([PANEL], path),
 }
 
 
@@ -62,7 +77,7 @@ def test_figure_is_written(name, tmp_path):
     assert [file.name for file in path.parent.iterdir()] == [path.name]  # no temporary file is left
 
 
-@pytest.mark.parametrize("name", ["trajectories", "final_distances"])
+@pytest.mark.parametrize("name", ["trajectories", "final_distances", "escape_times"])
 def test_figures_repeat_bit_for_bit(name, tmp_path):
     first, second = (DRAW[name](tmp_path / f"{k}.png").read_bytes() for k in range(2))
     assert first == second
@@ -104,6 +119,12 @@ def test_view_contains_the_goal_and_all_paths():
     (x_min, x_max), (y_min, y_max) = bounds(PLANS, [[STEPS]] * 3)
     points = np.concatenate([GOAL[None], *(plan.disturbed[..., :2].reshape(-1, 2) for plan in PLANS)])
     assert (points > [x_min, y_min]).all() and (points < [x_max, y_max]).all()
+
+
+def test_enclosed_points_stay_without_colour():
+    assert not PANEL.open and np.isinf(PANEL.time).any()
+    assert np.isinf(PANEL.time).sum() > np.isinf(PANEL.field_map.T[PANEL.field_map.speed == 1]).sum()
+    assert PANEL.longest == SOLVED.solve().T[np.isfinite(SOLVED.solve().T)].max()
 
 
 def test_modes_differ_in_colour_strangers_too():
