@@ -34,6 +34,11 @@ STUDIES = {
     row.name: row
     for row in (
         Study(
+            "planar-caging",
+            "evaluation.studies.planar_caging",
+            "which postures enclose an object, by CMA-ES and SQP (paper, section 4.6)",
+        ),
+        Study(
             "planar-objectives",
             "evaluation.studies.planar_objectives",
             "what the three objectives make the arm do (paper, section 5.5)",
