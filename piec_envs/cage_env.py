@@ -124,7 +124,7 @@ class PlanarArmCageEnv(CageEnv):
     **Reward.** 0.02 (T_hat - 1e3 overlap): the caging less 20 for each metre of overlap, added up over
     each link with each shape of the object and each two links that are no neighbours. It is 0.02 times
     the value of `planners.CagingProblem`, so that planners and RL maximise one thing. A free object has
-    0.4 to 0.5, an enclosed one 1.0 to 1.8.
+    0.4 to 0.5, an enclosed one about 1.0 to 1.8.
 
     **Start.** Arm straight along x, which may overlap the object; the object drawn evenly from the ring
     around the base, within 0.4 m and clear of the base, at any angle. Option of `reset`: "pose" (x, y,

@@ -13,7 +13,7 @@ import numpy as np
 from evaluation.figures.base import figure_file, mix, show_scene
 from piec_envs.escape.field import CAGING_SCALE, object_escape_time
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import base_position, draw_key_points, draw_object, draw_robot
+from piec_envs.rendering.drawing import base_position, draw_escape_path, draw_key_points, draw_object, draw_robot
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.frame import picture_field
 from piec_envs.world.objects import get_object
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 SIDE = 3.3  # of a panel, inches
-CLOSE_UP = 0.62  # half-width of a close view around the base, of the workspace's radius
+CLOSE_UP = 0.55  # half-width of a close view around the base, of the workspace's radius
 SERIES = ("#882255", "#3b7db8", "#44aa99", "#e69f00", "#555b6b")  # colours of methods
 
 
@@ -38,8 +38,8 @@ class PosturePanel:
         object_name: row of the table of objects.
         pose: the object's x, y, angle, shape (3,), m and rad.
         q_r: joint positions, shape (n,), rad or m.
-        label: what stands above it on the left.
-        note: what stands there beside the caging.
+        label: what figures call it.
+        enclosed: whether nothing leads out; otherwise the fastest way out is drawn.
     """
 
     robot_name: str
@@ -47,7 +47,7 @@ class PosturePanel:
     pose: np.ndarray
     q_r: np.ndarray
     label: str
-    note: str = ""
+    enclosed: bool = False
 
 
 def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImage:
@@ -63,13 +63,14 @@ def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImag
     """
     robot, item, speed = get_robot(panel.robot_name), get_object(panel.object_name), SpeedModel()
     field = picture_field(panel.robot_name, speed)
-    image = draw_field(ax, robot, panel.q_r, field.solve(panel.q_r), FieldStyle(speed, labels=close, line=0.6))
+    image = draw_field(ax, robot, panel.q_r, field.solve(panel.q_r), FieldStyle(speed, labels=False, line=0.6))
+    if not panel.enclosed:
+        draw_escape_path(ax, field.escape_path(panel.pose[:2], panel.q_r), linewidth=1.6)
     draw_robot(ax, robot, panel.q_r, linewidth=0.8)
     draw_object(ax, item, panel.pose, linewidth=0.8)
     draw_key_points(ax, item, panel.pose, s=11)
     caging = CAGING_SCALE * object_escape_time(field, item.key_points, panel.pose, panel.q_r)
-    ax.set_title(panel.label, loc="left", fontweight="bold")
-    ax.set_title("   ".join(filter(None, [panel.note, f"caging {caging:.2f}"])), loc="right", fontsize=9)
+    ax.set_title(("enclosed,  " if panel.enclosed else "") + f"caging {caging:.2f}", loc="right", fontsize=9)
     half = robot.workspace_radius * (CLOSE_UP if close else 1.02)
     centre = base_position(robot, panel.q_r)
     show_scene(ax, np.stack([centre - half, centre + half], axis=1))
@@ -95,6 +96,8 @@ def posture_row(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path
     with figure_file(path, SIDE * len(panels) + 0.7, SIDE + 0.25) as figure:
         axes = np.ravel(figure.subplots(1, len(panels)))
         images = [draw_posture(ax, panel) for ax, panel in zip(axes, panels, strict=True)]
+        for ax, panel in zip(axes, panels, strict=True):
+            ax.set_title(panel.label, loc="left", fontweight="bold")
         _bar(figure, images[-1], axes)
     return Path(path)
 
@@ -114,6 +117,8 @@ def posture_grid(rows: Sequence[Sequence[PosturePanel]], path: str | os.PathLike
         axes = figure.subplots(len(rows), len(rows[0]), squeeze=False)
         for line, panels in zip(axes, rows, strict=True):
             images = [draw_posture(ax, panel, close=True) for ax, panel in zip(line, panels, strict=True)]
+            name: Any = {"rotation": 90, "ha": "right", "va": "center", "fontweight": "bold", "fontsize": 10}
+            line[0].text(-0.02, 0.5, panels[0].label, transform=line[0].transAxes, **name)
         _bar(figure, images[-1], axes)
     return Path(path)
 

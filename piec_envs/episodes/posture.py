@@ -162,7 +162,7 @@ class CagingProblem:
 
     def _points(self, rows: int) -> np.ndarray:
         """Key points for each row, shape (rows, k, 2)."""
-        return np.broadcast_to(self.key_points, (rows, *self.key_points.shape[-2:]))
+        return np.ascontiguousarray(np.broadcast_to(self.key_points, (rows, *self.key_points.shape[-2:])))
 
     def _rows(self, q: np.ndarray) -> np.ndarray:
         """Postures, checked, shape (B, n)."""
