@@ -17,7 +17,7 @@ from piec_envs.episodes.info import batch_info
 from piec_envs.episodes.tasks import MEASURES
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.registration import ENVS
+from piec_envs.registration import MOTIONS
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
 NOT_IN_SPEC = ("threads", "render_mode")  # keyword arguments that change no result
@@ -58,7 +58,7 @@ def evaluate(
         InvalidParameterError: for a bad number of episodes, or a policy that is none.
         PlanError: if the policy executes a plan for another id, robot or joints.
     """
-    check_name("environment", env_id, ENVS)
+    check_name("environment", env_id, MOTIONS)
     if not (isinstance(episodes, int | np.integer) and episodes >= 1):
         raise InvalidParameterError(f"episodes must be a whole number of at least 1, got {episodes!r}")
     for name in ("num_envs", "max_episode_steps", "autoreset_mode"):

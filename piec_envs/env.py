@@ -16,9 +16,8 @@ from piec_envs.episodes.observation import observation_bound, observation_layout
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, check_name
+from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, take_row
 
-SEED_BOUND = 2**63 - 1
-RENDER_MODES = ("rgb_array",)
 _COST = MEASURES.index("cost")
 
 
@@ -74,6 +73,14 @@ class Interface:
             return self.compute_reward(observation["achieved_goal"], observation["desired_goal"])
         return -REWARD_SCALE * self.batch.measures[:, _COST]
 
+    def terminated(self) -> np.ndarray:
+        """No episode ends by itself, shape (B,)."""
+        return np.zeros(self.batch.state.rows, dtype=bool)
+
+    def info(self) -> dict:
+        """Info of all rows at present."""
+        return batch_info(self.batch)
+
     def compute_reward(self, achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
         """Reward of reaching `achieved` (..., 2) when `desired` (..., 2) was asked for."""
         offset = np.asarray(achieved, dtype=float) - np.asarray(desired, dtype=float)
@@ -81,13 +88,6 @@ class Interface:
         if self.mode == "dense":
             return -REWARD_SCALE * self.batch.weights.task * square
         return -(np.sqrt(square) > GOAL_RADIUS).astype(float)
-
-
-def take_row(observation: Any, row: int = 0) -> Any:
-    """One row of a batch of observations, an array or a dict of arrays."""
-    if isinstance(observation, dict):
-        return {name: value[row].copy() for name, value in observation.items()}
-    return observation[row].copy()
 
 
 def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls: np.ndarray | None) -> Rollout:
@@ -144,7 +144,7 @@ class PlanarArmEnv(gym.Env):
         reward = float(self._interface.reward(observation)[0])
         if self.render_mode:
             self._trail.append(self._batch.state.pose[0, :2].copy())
-        return take_row(observation), reward, False, False, row_info(batch_info(self._batch))
+        return take_row(observation), reward, False, False, row_info(self._interface.info())
 
     def set_params(self, params: Mapping[str, Any]) -> None:
         """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
@@ -196,7 +196,7 @@ class PlanarArmEnv(gym.Env):
 
     def _begin(self) -> tuple[Any, dict]:
         self._trail = [self._batch.state.pose[0, :2].copy()]
-        return take_row(self._interface.observe()), row_info(batch_info(self._batch))
+        return take_row(self._interface.observe()), row_info(self._interface.info())
 
 
 class PlanarArmPushEnv(PlanarArmEnv):

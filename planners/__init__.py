@@ -1,6 +1,17 @@
-"""Open-loop planners: via-point trajectories, CMA-ES, plan files and the policy that executes them."""
+"""Planners: via-point trajectories by CMA-ES with plan files and their policy; enclosing postures by CMA-ES and SQP."""
 
+from piec_envs.episodes.posture import CagingProblem
 from planners.base import OpenLoopPolicy, Plan
 from planners.cma_es import CmaEsPlanner
+from planners.configuration import CmaEsConfiguration, Configuration
+from planners.sqp import SqpConfiguration
 
-__all__ = ["CmaEsPlanner", "OpenLoopPolicy", "Plan"]
+__all__ = [
+    "CagingProblem",
+    "CmaEsConfiguration",
+    "CmaEsPlanner",
+    "Configuration",
+    "OpenLoopPolicy",
+    "Plan",
+    "SqpConfiguration",
+]

@@ -16,7 +16,7 @@ from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import MEASURES, PRESETS
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import make_field
-from piec_envs.registration import ENVS
+from piec_envs.registration import MOTIONS
 from planners.base import Plan
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective
@@ -103,7 +103,7 @@ class CmaEsPlanner:
             UnknownNameError: for an unknown environment or keyword argument.
             InvalidParameterError: for a value outside its range.
         """
-        check_name("environment", env_id, ENVS)
+        check_name("environment", env_id, MOTIONS)
         as_count("seed", seed, least=0)
         nominal = self._nominal_kwargs(env_kwargs)
         env: Any = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped

@@ -37,7 +37,7 @@ def _tables() -> dict[str, dict[str, str]]:
     from planners.objectives import OBJECTIVES
 
     return {
-        "environments": {name: _summary(entry) for name, (entry, _) in ENVS.items()},
+        "environments": {name: _summary(entry.entry_point) for name, entry in ENVS.items()},
         "robots": {name: f"{get_robot(name).dof} joints" for name in ROBOTS},
         "objects": {name: f"{len(item.shapes)} shape(s), {item.mass} kg" for name, item in OBJECTS.items()},
         "dynamics": dict.fromkeys(DYNAMICS_NAMES, ""),

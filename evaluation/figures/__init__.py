@@ -4,12 +4,14 @@ from evaluation.figures.animation import animate_rollouts
 from evaluation.figures.base import MODES, Mode, Trajectory
 from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
+from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, value_dots
 from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
 
 __all__ = [
     "MODES",
     "Mode",
     "ObstaclePanel",
+    "PosturePanel",
     "Trajectory",
     "animate_rollouts",
     "contact_fractions",
@@ -20,5 +22,8 @@ __all__ = [
     "keyframes",
     "over_time",
     "overview",
+    "posture_grid",
+    "posture_row",
     "trajectories",
+    "value_dots",
 ]

@@ -39,6 +39,11 @@ STUDIES = {
             "the escape time of a point mass in a square annulus (paper, section 3.4)",
         ),
         Study(
+            "planar-caging",
+            "evaluation.studies.planar_caging",
+            "which postures enclose an object, by CMA-ES and SQP (paper, section 4.6)",
+        ),
+        Study(
             "planar-objectives",
             "evaluation.studies.planar_objectives",
             "what the three objectives make the arm do (paper, section 5.5)",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.escape.field import key_points_world
 from piec_envs.geometry.kinematics import link_frames
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import Robot
@@ -29,6 +30,7 @@ LINK = "#e9ebef"
 TOUCHED = "#e8849a"  # links in contact
 OBJECT = "#f6c445"
 GOAL = "#1fa774"
+KEY_POINT = "#d6252f"
 PATH = "#4be3f2"  # fastest escape
 EDGE_OF_WORKSPACE = "#d6453d"
 
@@ -150,6 +152,13 @@ def draw_object(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
     inner, outer = 0.35 * item.bounding_radius, 0.75 * item.bounding_radius
     line: dict[str, Any] = {name: style.get(name) for name in ("linewidth", "alpha", "zorder")}
     ax.plot(pose[0] + c * np.array([inner, outer]), pose[1] + s * np.array([inner, outer]), color=INK, **line)
+
+
+def draw_key_points(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
+    """Draw the key points of an object, where its escape time is asked, as dots."""
+    points = key_points_world(item.key_points, pose)  # (k, 2)
+    style = {"s": 16, "color": KEY_POINT, "edgecolors": "white", "linewidths": 0.6, "zorder": 8, **style}
+    ax.scatter(points[:, 0], points[:, 1], **style)
 
 
 def _half_width(robot: Robot) -> float:

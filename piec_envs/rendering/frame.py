@@ -17,6 +17,7 @@ from piec_envs.rendering.drawing import (
     base_position,
     draw_escape_path,
     draw_goal,
+    draw_key_points,
     draw_object,
     draw_reference,
     draw_robot,
@@ -25,12 +26,14 @@ from piec_envs.rendering.drawing import (
 )
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.world.objects import get_object
+from piec_envs.world.robots import Robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from piec_envs.episodes.batch import EpisodeBatch
+    from piec_envs.episodes.cage import CageBatch
 
 INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
 RESOLUTION = 100  # nodes a side of the field in a picture
@@ -79,10 +82,7 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
     if batch.field is None:
         draw_workspace(ax, batch.robot, q)
     else:
-        speed = getattr(batch.field, "speed", SpeedModel())
-        grid = picture_field(batch.robot.name, speed)
-        draw_field(ax, batch.robot, q, grid.solve(q), FieldStyle(speed))
-        draw_escape_path(ax, grid.escape_path(pose[:2], q))
+        _draw_escape(ax, batch.robot, q, pose[:2], getattr(batch.field, "speed", SpeedModel()))
     if batch.tracking:
         draw_reference(ax, batch.task.reference)
     if trail is not None and len(trail) > 1:
@@ -95,6 +95,38 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
     return pixels(figure)
 
 
+def _draw_escape(ax: Axes, robot: Robot, q: np.ndarray, start: np.ndarray | None, speed: SpeedModel) -> None:
+    """The field around a posture, and the fastest way out from a point (2,), if one is given."""
+    grid = picture_field(robot.name, speed)
+    draw_field(ax, robot, q, grid.solve(q), FieldStyle(speed))
+    if start is not None:
+        draw_escape_path(ax, grid.escape_path(start, q))
+
+
+def render_posture(batch: CageBatch, row: int, size: int = 720) -> np.ndarray:
+    """Draw the posture of one static caging episode, its field and the object's key points.
+
+    Args:
+        batch: the episodes.
+        row: which of them.
+        size: height and width, pixels.
+
+    Returns:
+        The picture, shape (size, size, 3), uint8; the same for the same posture.
+    """
+    figure, ax = new_axis(size)
+    q, pose, item = batch.q_r[row], batch.pose[row], get_object(batch.config.object)
+    start = None if batch.enclosed[row] else pose[:2]  # the way through the leaky wall is none
+    _draw_escape(ax, batch.robot, q, start, getattr(batch.field, "speed", SpeedModel()))
+    draw_robot(ax, batch.robot, q)
+    draw_object(ax, item, pose)
+    draw_key_points(ax, item, pose)
+    word = "enclosed" if batch.enclosed[row] else "not enclosed" if batch.done[row] else "start"
+    _note(ax, [word, f"caging = {CAGING_SCALE * batch.escape_time[row]:.2f}"])
+    _look_at(ax, base_position(batch.robot, q), MARGIN * batch.robot.workspace_radius)
+    return pixels(figure)
+
+
 def _caption(ax: Axes, batch: EpisodeBatch, row: int) -> None:
     """Time, caging and distance to the goal region in the upper left corner."""
     time = CONTROL_PERIOD * int(batch.state.step[row])
@@ -102,6 +134,11 @@ def _caption(ax: Axes, batch: EpisodeBatch, row: int) -> None:
     lines = [f"t = {time:.1f} s", f"d2g = {distance:.3f} m"]
     if batch.field is not None:
         lines.insert(1, f"caging = {CAGING_SCALE * batch.state.escape_time[row]:.2f}")
+    _note(ax, lines)
+
+
+def _note(ax: Axes, lines: list[str]) -> None:
+    """Lines of text in the upper left corner."""
     style: dict[str, Any] = {"transform": ax.transAxes, "color": INK, "va": "top", "linespacing": 1.35}
     ax.text(0.015, 0.985, "\n".join(lines), fontsize=11, **style)
 

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
-from piec_envs.registration import ENVS
+from piec_envs.registration import ENVS, MOTIONS
 from piec_envs.world.objects import OBJECTS
 
 CHOICES = [
@@ -32,6 +32,26 @@ CHOICES = [
     *({"object": name, "escape_every": 50} for name in OBJECTS),
 ]
 NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
+STATIC = tuple(env_id for env_id in ENVS if env_id not in MOTIONS)  # one step, no plant
+STATIC_CHOICES = [
+    {},
+    {"pose": (0.2, -0.2, 1.0), "dtype": "float32"},
+    {"escape_field": {"name": "grid", "resolution": 48, "method": "marching"}, "threads": 1},
+    {"reduce": "max"},
+    *({"object": name} for name in OBJECTS),
+]
+EVERY_CHOICE = [(env_id, choice) for env_id in MOTIONS for choice in CHOICES] + [
+    (env_id, choice) for env_id in STATIC for choice in STATIC_CHOICES
+]
+ROW_CHOICES = [{}, NOISY, {"goal_conditioned": True, **NOISY}, {"randomize": {"friction": [0.1, 0.9]}}]
+EVERY_ROW = [(env_id, choice) for env_id in MOTIONS for choice in ROW_CHOICES] + [
+    (env_id, choice) for env_id in STATIC for choice in ({}, {"object": "square", "dtype": "float32"})
+]
+
+
+def drawn(env_id):
+    """Keyword arguments with which every episode is another."""
+    return NOISY if env_id in MOTIONS else {"object": "square"}
 
 
 def same(a, b) -> bool:
@@ -45,8 +65,7 @@ def row_of(value, i):
     return {k: row_of(v, i) for k, v in value.items() if not k.startswith("_")} if isinstance(value, dict) else value[i]
 
 
-@pytest.mark.parametrize("env_id", ENVS)
-@pytest.mark.parametrize("choice", CHOICES, ids=str)
+@pytest.mark.parametrize(("env_id", "choice"), EVERY_CHOICE, ids=str)
 def test_check_env(env_id, choice):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -61,10 +80,7 @@ def test_check_env_renders(env_id):
         check_env(gym.make(env_id, render_mode="rgb_array").unwrapped)
 
 
-@pytest.mark.parametrize("env_id", ENVS)
-@pytest.mark.parametrize(
-    "choice", [{}, NOISY, {"goal_conditioned": True, **NOISY}, {"randomize": {"friction": [0.1, 0.9]}}], ids=str
-)
+@pytest.mark.parametrize(("env_id", "choice"), EVERY_ROW, ids=str)
 def test_vector_row_equals_single_env(env_id, choice):
     envs = gym.make_vec(env_id, num_envs=3, **choice)
     singles = [gym.make(env_id, **choice) for _ in range(3)]
@@ -73,24 +89,31 @@ def test_vector_row_equals_single_env(env_id, choice):
         one, one_info = env.reset(seed=5 + i)
         assert same(row_of(observation, i), one) and same(row_of(info, i), one_info)
     rng = np.random.default_rng(0)
+    ended = np.zeros(3, dtype=bool)
     for t in range(45):
         actions = rng.uniform(-1, 1, (3, 4))
         observation, reward, terminated, truncated, info = envs.step(actions)
         for i, env in enumerate(singles):
-            one, one_reward, one_terminated, one_truncated, one_info = env.step(actions[i])
+            if ended[i]:  # the row begins anew in this step
+                one, one_info = env.reset()
+                one_reward, one_terminated, one_truncated = 0.0, False, False
+            else:
+                one, one_reward, one_terminated, one_truncated, one_info = env.step(actions[i])
             assert same(row_of(observation, i), one) and same(row_of(info, i), one_info), t
             assert (reward[i], terminated[i], truncated[i]) == (one_reward, one_terminated, one_truncated)
+        ended = terminated | truncated
+    assert ended.any() == (env_id in STATIC)
 
 
+@pytest.mark.parametrize("env_id", ["piec_envs/PlanarArmPush-v0", *STATIC])
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_autoreset_equals_sync_vector_env(mode):
-    """The native VectorEnv against Gymnasium's own, episodes of 12 steps, infos included."""
-    env_id, choice = "piec_envs/PlanarArmPush-v0", {**NOISY, "escape_every": 5}
-    native = gym.make_vec(env_id, num_envs=2, max_episode_steps=12, autoreset_mode=mode, **choice)
+def test_autoreset_equals_sync_vector_env(env_id, mode):
+    """The native VectorEnv against Gymnasium's own, episodes of 12 steps or one, infos included."""
+    choice = {**NOISY, "escape_every": 5, "max_episode_steps": 12} if env_id in MOTIONS else {}
+    native = gym.make_vec(env_id, num_envs=2, autoreset_mode=mode, **choice)
     plain = gym.make_vec(
-        env_id, num_envs=2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, max_episode_steps=12,
-        **choice,
-    )  # fmt: skip
+        env_id, num_envs=2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **choice
+    )
     assert native.metadata["autoreset_mode"] == mode
     a, b = native.reset(seed=3), plain.reset(seed=3)
     assert same(a[0], b[0]) and same(a[1], b[1])
@@ -106,8 +129,9 @@ def test_autoreset_equals_sync_vector_env(mode):
                 assert all(same(x, y) for x, y in zip(a[4][key], b[4][key], strict=True) if x is not None)
             else:
                 assert same(a[4][key], b[4][key]), key
-        if mode == AutoresetMode.DISABLED and a[3].any():
-            a, b = native.reset(options={"reset_mask": a[3]}), plain.reset(options={"reset_mask": a[3].copy()})
+        ended = a[2] | a[3]
+        if mode == AutoresetMode.DISABLED and ended.any():
+            a, b = native.reset(options={"reset_mask": ended}), plain.reset(options={"reset_mask": ended.copy()})
             assert same(a[0], b[0]) and same(a[1], b[1])
 
 
@@ -115,21 +139,23 @@ def test_autoreset_equals_sync_vector_env(mode):
 def test_reset_is_reproducible(env_id):
     def episode(env, seed):
         observation, _ = env.reset(seed=seed)
-        steps = [env.step(action)[0] for action in actions]
-        return [observation, *steps]
+        steps = [env.step(action) for action in actions]
+        return [observation, *(step[0] for step in steps)], [step[1] for step in steps]
 
-    actions = np.random.default_rng(0).uniform(-1, 1, (20, 4))
-    env = gym.make(env_id, **NOISY)
+    actions = np.random.default_rng(0).uniform(-1, 1, (20 if env_id in MOTIONS else 1, 4))
+    env = gym.make(env_id, **drawn(env_id))
     first, unseeded = episode(env, 7), episode(env, None)
     again, unseeded_again = episode(env, 7), episode(env, None)
-    np.testing.assert_array_equal(first, again)
-    np.testing.assert_array_equal(unseeded, unseeded_again)
-    assert not np.array_equal(first, unseeded)
+    for one, other in ((first, again), (unseeded, unseeded_again)):
+        np.testing.assert_array_equal(one[0], other[0])
+        assert one[1] == other[1]
+    assert not np.array_equal(first[0], unseeded[0])
 
 
 @pytest.mark.parametrize("env_id", ENVS)
 def test_spec_round_trip(env_id):
-    env = gym.make(env_id, **NOISY, goal=(-0.2, 0.4))
+    given = {"goal": (-0.2, 0.4)} if env_id in MOTIONS else {"pose": (0.2, 0.1, 0.5)}
+    env = gym.make(env_id, **drawn(env_id), **given)
     spec = gym.envs.registration.EnvSpec.from_json(env.spec.to_json())
     again = gym.make(spec)
     assert same(env.reset(seed=0)[0], again.reset(seed=0)[0])

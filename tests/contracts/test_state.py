@@ -11,7 +11,7 @@ import pytest
 from piec_envs.episodes.start import StartSampler
 from piec_envs.episodes.state import PlantParams
 from piec_envs.geometry.distance import scene_distances
-from piec_envs.registration import ENVS
+from piec_envs.registration import MOTIONS
 from piec_envs.world.scene import pack_scene
 
 NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
@@ -24,7 +24,7 @@ def same(a, b) -> bool:
     return np.array_equal(a, b)
 
 
-@pytest.mark.parametrize("env_id", ENVS)
+@pytest.mark.parametrize("env_id", MOTIONS)
 def test_state_restores_everything(env_id):
     env = gym.make(env_id, **NOISY).unwrapped
     env.reset(seed=1)
@@ -42,7 +42,7 @@ def test_state_restores_everything(env_id):
             assert same(a[0], b[0]) and a[1] == b[1] and same(a[4], b[4])
 
 
-@pytest.mark.parametrize("env_id", ENVS)
+@pytest.mark.parametrize("env_id", MOTIONS)
 @pytest.mark.parametrize("choice", [NOISY, {"escape_field": None}], ids=str)
 def test_rollout_equals_stepping(env_id, choice):
     env = gym.make(env_id, **choice).unwrapped

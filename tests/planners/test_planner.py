@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from piec_envs.episodes.posture import CagingProblem
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
 from planners import CmaEsPlanner
 from planners.cma_es import disturbed_samples
-from planners.configuration import enclosing_posture, posture_values
+from planners.configuration import REACHABLE, enclosing_posture
 from planners.objectives import MISS_MARGIN, MISS_WEIGHT, OBJECTIVES, PathCost, crossing
 from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory
@@ -70,12 +71,14 @@ def test_disturbed_cost_without_disturbance_is_the_nominal_one_but_for_the_margi
 
 
 def test_enclosing_posture_holds_the_object(batch):
-    field = make_field("grid", "planar_arm", resolution=48)
+    field = make_field("grid", "planar_arm", resolution=32)
     pose = np.array([-0.3, 0.4, 0.0])
-    posture = enclosing_posture(batch, field, pose, seed=(0, 0), iterations=15, population=20)
-    value = posture_values(batch, field, pose, posture[None])[0]
-    assert value > 2 * (1.4 - 0.5) / 0.05  # at least twice the time of an empty workspace
-    again = enclosing_posture(batch, field, pose, seed=(0, 0), iterations=15, population=20)
+    posture = enclosing_posture(batch, field, pose, seed=(0, 0), curl=1.0)
+    problem = CagingProblem("planar_arm", "circle", pose, field, clearance=REACHABLE)
+    judged = problem.measure(posture[None])
+    assert judged.feasible[0] and (posture[1:] > 0).all()
+    assert judged.value[0] > 2 * (1.4 - 0.5) / 0.05  # at least twice the time of an empty workspace
+    again = enclosing_posture(batch, field, pose, seed=(0, 0), curl=1.0)
     np.testing.assert_array_equal(posture, again)
 
 

@@ -1,0 +1,154 @@
+"""Figures of static caging: postures in their escape-time field, and the values that optimisers reach."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evaluation.figures.base import figure_file, mix, show_scene
+from piec_envs.escape.field import CAGING_SCALE, object_escape_time
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.rendering.drawing import base_position, draw_escape_path, draw_key_points, draw_object, draw_robot
+from piec_envs.rendering.field import FieldStyle, draw_field
+from piec_envs.rendering.frame import picture_field
+from piec_envs.world.objects import get_object
+from piec_envs.world.robots import get_robot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+SIDE = 3.3  # of a panel, inches
+CLOSE_UP = 0.55  # half-width of a close view around the base, of the workspace's radius
+SERIES = ("#882255", "#3b7db8", "#44aa99", "#e69f00", "#555b6b")  # colours of methods
+
+
+@dataclass(frozen=True, eq=False)
+class PosturePanel:
+    """One posture beside an object.
+
+    Args:
+        robot_name: row of the table of robots.
+        object_name: row of the table of objects.
+        pose: the object's x, y, angle, shape (3,), m and rad.
+        q_r: joint positions, shape (n,), rad or m.
+        label: what figures call it.
+        enclosed: whether nothing leads out; otherwise the fastest way out is drawn.
+    """
+
+    robot_name: str
+    object_name: str
+    pose: np.ndarray
+    q_r: np.ndarray
+    label: str
+    enclosed: bool = False
+
+
+def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImage:
+    """Draw a posture with the field's heat map and contours, the object and its key points.
+
+    Args:
+        ax: where to draw.
+        panel: what to draw.
+        close: whether to show the surroundings of the base alone.
+
+    Returns:
+        The heat map, for a colour bar.
+    """
+    robot, item, speed = get_robot(panel.robot_name), get_object(panel.object_name), SpeedModel()
+    field = picture_field(panel.robot_name, speed)
+    image = draw_field(ax, robot, panel.q_r, field.solve(panel.q_r), FieldStyle(speed, labels=False, line=0.6))
+    if not panel.enclosed:
+        draw_escape_path(ax, field.escape_path(panel.pose[:2], panel.q_r), linewidth=1.6)
+    draw_robot(ax, robot, panel.q_r, linewidth=0.8)
+    draw_object(ax, item, panel.pose, linewidth=0.8)
+    draw_key_points(ax, item, panel.pose, s=11)
+    caging = CAGING_SCALE * object_escape_time(field, item.key_points, panel.pose, panel.q_r)
+    ax.set_title(("enclosed,  " if panel.enclosed else "") + f"caging {caging:.2f}", loc="right", fontsize=9)
+    half = robot.workspace_radius * (CLOSE_UP if close else 1.02)
+    centre = base_position(robot, panel.q_r)
+    show_scene(ax, np.stack([centre - half, centre + half], axis=1))
+    return image
+
+
+def _bar(figure: Figure, image: AxesImage, axes: np.ndarray) -> None:
+    bar = figure.colorbar(image, ax=list(np.ravel(axes)), shrink=0.75, aspect=24, pad=0.01, extend="max")
+    bar.set_label(f"caging = {CAGING_SCALE:g} T")
+    bar.outline.set_visible(False)
+
+
+def posture_row(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path:
+    """Postures side by side with the whole workspace, such as a start and what optimisers make of it.
+
+    Args:
+        panels: from left to right.
+        path: where to write the PNG.
+
+    Returns:
+        The path.
+    """
+    with figure_file(path, SIDE * len(panels) + 0.7, SIDE + 0.25) as figure:
+        axes = np.ravel(figure.subplots(1, len(panels)))
+        images = [draw_posture(ax, panel) for ax, panel in zip(axes, panels, strict=True)]
+        for ax, panel in zip(axes, panels, strict=True):
+            ax.set_title(panel.label, loc="left", fontweight="bold")
+        _bar(figure, images[-1], axes)
+    return Path(path)
+
+
+def posture_grid(rows: Sequence[Sequence[PosturePanel]], path: str | os.PathLike) -> Path:
+    """Close views of postures, one row of panels for each method, one column for each object pose.
+
+    Args:
+        rows: panels, all rows of the same length.
+        path: where to write the PNG.
+
+    Returns:
+        The path.
+    """
+    side = 0.8 * SIDE
+    with figure_file(path, side * len(rows[0]) + 0.7, (side + 0.25) * len(rows)) as figure:
+        axes = figure.subplots(len(rows), len(rows[0]), squeeze=False)
+        for line, panels in zip(axes, rows, strict=True):
+            images = [draw_posture(ax, panel, close=True) for ax, panel in zip(line, panels, strict=True)]
+            name: Any = {"rotation": 90, "ha": "right", "va": "center", "fontweight": "bold", "fontsize": 10}
+            line[0].text(-0.02, 0.5, panels[0].label, transform=line[0].transAxes, **name)
+        _bar(figure, images[-1], axes)
+    return Path(path)
+
+
+def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str], path: str | os.PathLike) -> Path:
+    """Every result as a dot: filled where the object is enclosed, hollow where it can get out.
+
+    Args:
+        values: for each method and each place, caging and whether it encloses, shape (m, 2).
+        places: names of the object poses.
+        path: where to write the PNG.
+
+    Returns:
+        The path.
+    """
+    with figure_file(path, max(4.5, 1.5 * len(places) + 1.2), 3.1) as figure:
+        ax = figure.subplots()
+        width = 0.8 / len(values)
+        for i, (label, groups) in enumerate(values.items()):
+            colour = SERIES[i % len(SERIES)]
+            for place, group in enumerate(groups):
+                spread = width * 0.7 * (np.arange(len(group)) / max(1, len(group) - 1) - 0.5)
+                x, held = place + (i - (len(values) - 1) / 2) * width + spread, group[:, 1] > 0
+                style: Any = {"s": 20, "linewidths": 1.0, "edgecolors": mix(colour, "black", 0.1), "zorder": 3}
+                ax.scatter(x[held], group[held, 0], facecolors=colour, **style)
+                ax.scatter(x[~held], group[~held, 0], facecolors="white", **style)
+            ax.scatter([], [], s=20, color=colour, label=label)
+        ax.scatter([], [], s=20, facecolors="white", edgecolors="#5b6170", label="not enclosed")
+        ax.set_xticks(range(len(places)), [f"object at\n{place}" for place in places])
+        ax.set_ylabel("caging")
+        ax.set_ylim(bottom=0.0)
+        figure.legend(loc="outside upper center", ncols=len(values) + 1)
+    return Path(path)

@@ -1,0 +1,194 @@
+"""Static caging environments: one step, whose action is the posture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+
+from piec_envs.episodes.cage import CageBatch, CageConfig
+from piec_envs.episodes.info import row_info
+from piec_envs.errors import InvalidActionError, as_count, check_name
+from piec_envs.escape.field import CAGING_SCALE
+from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, NativeVectorEnv, take_row
+
+
+def make_cage_config(robot: str, options: Mapping[str, Any]) -> CageConfig:
+    """Validate keyword arguments.
+
+    Raises:
+        UnknownNameError: for a keyword that does not exist.
+    """
+    for name in options:
+        check_name("keyword argument", name, [*CageConfig.field_names(), "dtype", "render_mode"])
+    return CageConfig(robot, **options)
+
+
+class CageInterface:
+    """Spaces, observations and rewards, shared by the single env and the VectorEnv.
+
+    Args:
+        batch: the episodes.
+        dtype: "float64" or "float32", of the observations.
+        render_mode: None or "rgb_array".
+    """
+
+    def __init__(self, batch: CageBatch, dtype: str, render_mode: str | None):
+        check_name("dtype", dtype, ("float64", "float32"))
+        check_name("render_mode", render_mode, (None, *RENDER_MODES))
+        self.batch, self.dtype = batch, np.dtype(dtype)
+        radius = batch.robot.workspace_radius
+        bound = np.array([radius, radius, 1.0, 1.0], dtype=self.dtype)
+        self.observation_space: spaces.Space = spaces.Box(-bound, bound, dtype=self.dtype)
+        self.action_space = spaces.Box(-1.0, 1.0, (batch.robot.dof,), dtype=np.dtype("float64"))
+
+    def observe(self) -> np.ndarray:
+        """Observations of all rows, shape (B, 4)."""
+        return self.batch.observe().astype(self.dtype, copy=False)
+
+    def reward(self, observation: np.ndarray) -> np.ndarray:
+        """0.02 times the value that planners maximise, shape (B,)."""
+        return CAGING_SCALE * self.batch.value
+
+    def terminated(self) -> np.ndarray:
+        """Which rows have taken their posture, shape (B,)."""
+        return self.batch.done.copy()
+
+    def info(self) -> dict:
+        """Info of all rows at present."""
+        return self.batch.info()
+
+
+class CageEnv(gym.Env):
+    """Base class of the single static caging environments; see the subclasses."""
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 1,
+    }
+    robot_name: ClassVar[str]
+
+    def __init__(self, dtype: str = "float64", render_mode: str | None = None, **options: Any):
+        self._batch = CageBatch(make_cage_config(self.robot_name, options), rows=1)
+        self._interface = CageInterface(self._batch, dtype, render_mode)
+        self.render_mode = render_mode
+        self.observation_space = self._interface.observation_space
+        self.action_space = self._interface.action_space
+
+    @property
+    def config(self) -> CageConfig:
+        """The validated keyword arguments."""
+        return self._batch.config
+
+    @property
+    def batch(self) -> CageBatch:
+        """The batch of one episode that does the work."""
+        return self._batch
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Begin an episode; see the class for the options."""
+        super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
+        self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
+        return take_row(self._interface.observe()), row_info(self._interface.info())
+
+    def step(self, action: np.ndarray):
+        """Take a posture, which ends the episode."""
+        if self._batch.done[0]:
+            raise InvalidActionError("the episode ended with its first step: call reset")
+        self._batch.step(np.asarray(action, dtype=float)[None])
+        observation = self._interface.observe()
+        reward = float(self._interface.reward(observation)[0])
+        return take_row(observation), reward, True, False, row_info(self._interface.info())
+
+    def render(self) -> np.ndarray | None:
+        """Draw the posture and its field, shape (height, width, 3), uint8; None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from piec_envs.rendering.frame import render_posture
+
+        return render_posture(self._batch, 0)
+
+
+class PlanarArmCageEnv(CageEnv):
+    """Enclose an object near the base with the whole planar 4-DOF arm, as a static problem (paper section 4.5).
+
+    **Action.** Box(-1, 1, (4,)): the posture, each joint from its lower (-1) to its upper (1) limit
+    (+-pi, +-2.6 rad). It is taken at once; nothing moves on the way.
+
+    **Observation.** Box(4,): object x, y (m), cos and sin of its angle.
+
+    **Reward.** 0.02 (T_hat - 1e3 overlap): the caging less 20 for each metre of overlap, added up over
+    each link with each shape of the object and each two links that are no neighbours. It is 0.02 times
+    the value of `planners.CagingProblem`, so that planners and RL maximise one thing. A free object has
+    0.4 to 0.5, an enclosed one about 1.0 to 1.8.
+
+    **Start.** Arm straight along x, which may overlap the object; the object drawn evenly from the ring
+    around the base, within 0.4 m and clear of the base, at any angle. Option of `reset`: "pose" (x, y,
+    angle).
+
+    **End.** Terminated after one step. Success: the object is enclosed and nothing overlaps by more than
+    1e-6 m. Enclosed means that a key point cannot leave the workspace under a hard wall (leak = 0: no way
+    through gaps under 0.06 m), by fast marching with 100 nodes a side, whatever `escape_field` is.
+
+    **Info.** is_success, enclosed, escape_time (s), caging (0.02 of it), min_distance, penetration,
+    self_distance (m), q_r, pose. At reset they describe the straight arm, which counts as not enclosing.
+
+    **Arguments.** Those of `CageConfig` but the robot, `dtype` ("float64" or "float32") and `render_mode`.
+
+    **Version history.** v0: first version.
+    """
+
+    robot_name = "planar_arm"
+
+
+class CageVectorEnv(NativeVectorEnv):
+    """Base class of the static caging VectorEnvs.
+
+    Args:
+        num_envs: B.
+        max_episode_steps: steps after which a row is truncated; None leaves ends to the task.
+        autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
+        dtype: "float64" or "float32", of the observations.
+        render_mode: None or "rgb_array".
+        options: the arguments of `CageConfig` but the robot.
+    """
+
+    robot_name: ClassVar[str]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        dtype: str = "float64",
+        render_mode: str | None = None,
+        **options: Any,
+    ):
+        rows = as_count("num_envs", num_envs)
+        steps = None if max_episode_steps is None else as_count("max_episode_steps", max_episode_steps)
+        self._batch = CageBatch(make_cage_config(self.robot_name, options), rows)
+        interface = CageInterface(self._batch, dtype, render_mode)
+        super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
+
+    @property
+    def batch(self) -> CageBatch:
+        """The batch of episodes that does the work."""
+        return self._batch
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """One frame for each row; None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from piec_envs.rendering.frame import render_posture
+
+        return tuple(render_posture(self._batch, row) for row in range(self.num_envs))
+
+
+class PlanarArmCageVectorEnv(CageVectorEnv):
+    """The VectorEnv of `PlanarArmCageEnv`."""
+
+    robot_name = "planar_arm"

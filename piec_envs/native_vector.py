@@ -1,0 +1,181 @@
+"""What every native VectorEnv does: seeds, masks, ends and the three autoreset modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from piec_envs.episodes.info import with_masks
+from piec_envs.errors import InvalidActionError, InvalidParameterError, as_count, check_name
+
+SEED_BOUND = 2**63 - 1  # of the episode seeds drawn from a generator
+RENDER_MODES = ("rgb_array",)
+
+
+class Episodes(Protocol):
+    """A batch of episodes."""
+
+    def reset(self, rows: np.ndarray, seeds: list[int], options: dict[str, Any] | None = None) -> None:
+        """Begin new episodes in some rows."""
+        ...
+
+    def step(self, actions: np.ndarray) -> None:
+        """Advance all rows by one step."""
+        ...
+
+
+class Face(Protocol):
+    """What a batch of episodes shows of itself, all rows at a time."""
+
+    observation_space: Any
+    action_space: Any
+
+    def observe(self) -> Any:
+        """Observations, as an array or a dict of arrays."""
+        ...
+
+    def reward(self, observation: Any) -> np.ndarray:
+        """Rewards of the step that led to `observation`, shape (B,)."""
+        ...
+
+    def terminated(self) -> np.ndarray:
+        """Which episodes have ended by themselves, shape (B,)."""
+        ...
+
+    def info(self) -> dict:
+        """Fresh arrays with one entry for each row."""
+        ...
+
+
+def take_row(observation: Any, row: int = 0) -> Any:
+    """One row of a batch of observations, an array or a dict of arrays."""
+    if isinstance(observation, dict):
+        return {name: value[row].copy() for name, value in observation.items()}
+    return observation[row].copy()
+
+
+class NativeVectorEnv(VectorEnv):
+    """Base class of the VectorEnvs; for a whole-number seed, row i is bit-equal to the single env with seed + i.
+
+    Args:
+        episodes: the batch that does the work.
+        interface: what it shows.
+        num_envs: B.
+        max_episode_steps: steps after which a row is truncated; None never does.
+        autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
+        render_mode: None or "rgb_array".
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 10,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        episodes: Episodes,
+        interface: Face,
+        num_envs: int,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+    ):
+        super().__init__()
+        self.num_envs = num_envs
+        self.max_episode_steps = np.inf if max_episode_steps is None else max_episode_steps
+        check_name("autoreset_mode", autoreset_mode, (*AutoresetMode, *(mode.value for mode in AutoresetMode)))
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = render_mode
+        self._episodes, self._interface = episodes, interface
+        self.single_observation_space = interface.observation_space
+        self.single_action_space = interface.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._elapsed = np.zeros(num_envs, dtype=np.int64)
+        self._ended = np.zeros(num_envs, dtype=bool)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict]:
+        """Begin new episodes in all rows, or in those of options["reset_mask"]."""
+        options = dict(options or {})
+        mask = self._check_mask(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
+        rows = np.flatnonzero(mask)
+        seeds = self._seeds(seed)
+        for row in rows:
+            if seeds[row] is not None or self._generators[row] is None:
+                self._generators[row] = seeding.np_random(seeds[row])[0]
+        self._begin(rows, options)
+        return self._interface.observe(), with_masks(self._interface.info(), mask)
+
+    def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
+        """Advance all rows by one step; ended rows begin anew as the autoreset mode says."""
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
+            rows = np.flatnonzero(self._ended).tolist()
+            raise InvalidActionError(f"rows {rows} have ended: reset them with options={{'reset_mask': ...}}")
+        begin = self._ended & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
+        if begin.any():  # these rows ignore their action, whatever it is, and begin anew
+            actions = np.array(actions)
+            actions[begin] = 0.0
+        self._episodes.step(actions)
+        self._elapsed += 1
+        if begin.any():
+            self._begin(np.flatnonzero(begin), {})
+        observation = self._interface.observe()
+        reward = np.where(begin, 0.0, self._interface.reward(observation))
+        terminated, truncated = self._interface.terminated(), self._elapsed >= self.max_episode_steps
+        self._ended = ended = terminated | truncated
+        final: dict = {}
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
+            final = self._final(observation, ended)
+            self._begin(np.flatnonzero(ended), {})
+            observation = self._interface.observe()
+        info = with_masks(self._interface.info(), np.ones(self.num_envs, dtype=bool))
+        return observation, reward, terminated, truncated, {**info, **final}
+
+    def _begin(self, rows: np.ndarray, options: dict[str, Any]) -> None:
+        """Begin new episodes in some rows."""
+        seeds = [int(self._generators[row].integers(SEED_BOUND)) for row in rows]
+        self._episodes.reset(rows, seeds, options)
+        self._elapsed[rows] = 0
+        self._ended[rows] = False
+
+    def _final(self, observation: Any, ended: np.ndarray) -> dict:
+        """Last observation and info of the rows that begin anew within this step."""
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for row in np.flatnonzero(ended):
+            final_obs[row] = take_row(observation, int(row))
+        return {
+            "final_obs": final_obs,
+            "_final_obs": ended.copy(),
+            "final_info": with_masks(self._interface.info(), ended),
+            "_final_info": ended.copy(),
+        }
+
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """One seed for each row: None, seed + i, or the entries of a sequence."""
+        if seed is None or np.ndim(seed) == 0:
+            return [None if seed is None else as_count("seed", seed, least=0) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise InvalidParameterError(f"seed must have one entry for each of {self.num_envs} rows, got {len(seed)}")
+        return [None if entry is None else as_count("seed", entry, least=0) for entry in seed]
+
+    def _check_mask(self, mask: Any) -> np.ndarray:
+        if (
+            not isinstance(mask, np.ndarray)
+            or mask.shape != (self.num_envs,)
+            or mask.dtype != np.bool_
+            or not mask.any()
+        ):
+            raise InvalidParameterError(
+                f"options['reset_mask'] must be a boolean array of shape ({self.num_envs},) with a True, got {mask!r}"
+            )
+        return mask
