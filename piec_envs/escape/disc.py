@@ -18,11 +18,14 @@ from piec_envs.escape.between import Field
 from piec_envs.escape.marching import march, sort_by_time
 from piec_envs.escape.speed import cost_map, distance_map
 from piec_envs.escape.sweeping import FAR, WALL, Diagonals, diagonal_layout, sweep_to_rest, to_diagonals
+from piec_envs.geometry.distance import point_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel, kernel
 
 MARGIN = 2  # cells between the circle and the border of the grid
 MIN_RESOLUTION = 16
+REACH = 0.71  # cells, from a node to the middle of a passage that it stands for
+BAND = 1.5  # cells around the edge of the wall where that matters
 EDGE = 2.9  # nodes this many cells outside the circle take part in the stencils of those inside
 
 
@@ -196,6 +199,31 @@ def _give_edge(speed, disc, scratch):
             time[disc.node[m + e]] = field[edge[flip, e]] = -beyond * f / disc.h
 
 
+@kernel
+def lift_to_axis(robot, d0, vertices, disc, near):
+    """Give nodes beside the middle of a passage the distance that its middle has.
+
+    Between two links the distance is largest halfway and falls on both sides, so that nodes off the
+    middle close a passage that is open, or thicken the wall across it, by up to a cell. Where the
+    middle lies within REACH cells uphill of a node near the wall, the node stands for it.
+
+    Args:
+        robot: the robot's `PackedShapes`.
+        d0: thickness of the wall, m.
+        vertices: placed, shape (V, 2), m.
+        disc: a `Disc`.
+        near: distance of the disc's nodes, shape (M + E,), m; changed.
+    """
+    reach = REACH * disc.h
+    for k in range(near.shape[0]):
+        d = near[k]
+        if d0 - reach < d < d0 + BAND * disc.h:
+            _, _, _, _, n_x, n_y = point_distance(robot, vertices, disc.x[k], disc.y[k])
+            up = point_distance(robot, vertices, disc.x[k] + reach * n_x, disc.y[k] + reach * n_y)[0]
+            if up < d + (1.0 - 1e-6) * reach:  # d has slope 1 both ways from the middle
+                near[k] = max(d, 0.5 * (d + up + reach))
+
+
 @batch_kernel
 def solve_disc(robot, speed, disc, second_order, scratch):
     """Escape time of a placed robot at every node of the grid.
@@ -212,6 +240,7 @@ def solve_disc(robot, speed, disc, second_order, scratch):
     """
     m = disc.inside
     distance_map(robot, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
+    lift_to_axis(robot, speed.d0, scratch.vertices, disc, scratch.near)
     cost_map(speed, scratch.near, disc.h, scratch.cost)
     _give_edge(speed, disc, scratch)
     _first_order(disc, scratch)

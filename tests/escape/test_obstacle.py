@@ -14,6 +14,7 @@ WALLS = [
     for a, b, shift in ((0.5, 0.1, (0, 0.4)), (0.5, 0.1, (0, -0.4)), (0.1, 0.5, (0.4, 0)), (0.1, 0.5, (-0.4, 0)))
 ]  # a square annulus between 0.3 and 0.5
 POINTS = np.random.default_rng(0).uniform(-1.1, 1.1, (2000, 2))
+ROOM = np.array([0.11, 0.07])  # m, the middle of `room`
 RING = np.abs(POINTS).max(axis=1)
 
 
@@ -86,3 +87,22 @@ def test_bad_arguments_are_refused():
             field.query(points)
         with pytest.raises(InvalidStateError, match="finite"):
             field.escape_path(points)
+
+
+def room(gap: float, turn: float) -> list[RoundedPolygon]:
+    """A square room of capsules with a door of that width."""
+    edge, c, s = gap / 2 + 0.05, np.cos(turn), np.sin(turn)
+    sides = [(-1, -1, -1, 1), (-1, 1, 1, 1), (-1, -1, 1, -1), (1, 1, 1, edge / 0.3), (1, -edge / 0.3, 1, -1)]
+    ends = 0.3 * np.array(sides).reshape(-1, 2, 2) @ np.array([[c, s], [-s, c]]) + ROOM
+    return [capsule(a, b, 0.05) for a, b in ends]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4])
+@pytest.mark.parametrize("gap", [0.062, 0.065, 0.08])
+def test_a_door_narrower_than_a_cell_is_neither_closed_nor_missed(gap, turn):
+    # Walls are 0.03 m thick on both sides, so 0.062 leaves 2 mm; a cell of 100 nodes a side has 29 mm.
+    shapes = room(gap, turn)
+    fine = ObstacleField(shapes, 1.4, SpeedModel(), 1000).query(ROOM)
+    assert abs(ObstacleField(shapes, 1.4, SpeedModel(), 100).query(ROOM) / fine - 1) < 0.06
+    shut = ObstacleField(room(0.05, turn), 1.4, SpeedModel(), 100).query(ROOM)
+    assert shut > 1.2 * fine
