@@ -9,7 +9,7 @@ import numpy as np
 
 from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
-from piec_envs.episodes.caging import refresh_escape
+from piec_envs.episodes.caging import advance_escape, refresh_escape
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.disturbance import draw_disturbance
 from piec_envs.episodes.observation import observation_layout, observe_rows
@@ -169,7 +169,9 @@ class EpisodeBatch:
         """
         shape = (self.state.rows, self.robot.dof)
         actions = as_floats("actions", actions, shape, InvalidActionError)
-        motion, measures = self._advance(self.state, actions[:, None], False, self._plant_now, self._noise, self._flees)
+        motion, measures, _ = self._advance(
+            self.state, actions[:, None], False, self._plant_now, self._noise, self._flees
+        )
         self.link_distance, self.contact, self.measures = (
             motion.link_distance[:, 1],
             motion.contact[:, 1],
@@ -208,20 +210,22 @@ class EpisodeBatch:
         measures = [self._measure_still(pieces[0], state)]
         done, total = 0, values.shape[1]
         while done < total:
-            # up to the next refresh of any row
-            ahead = int((self.escape_every - state.step % self.escape_every).min()) if self.field else total
+            # A fleeing object's drift is needed on time; otherwise the field may follow the motion.
+            ahead = int((self.escape_every - state.step % self.escape_every).min()) if flees.any() else total
             chunk = values[:, done : done + ahead]
-            motion, measured = self._advance(state, chunk, absolute, plant, noise, flees)
+            motion, measured, times = self._advance(state, chunk, absolute, plant, noise, flees)
             pieces.append(motion)
             measures.append(measured[:, 1:])
-            held = np.repeat(escape[-1][:, -1:], chunk.shape[1], axis=1)  # (B, n)
-            held[:, -1] = state.escape_time
-            escape.append(held)
+            escape.append(times[:, 1:])
             done += chunk.shape[1]
         return Rollout(join_motions(pieces), np.concatenate(measures, axis=1), np.concatenate(escape, axis=1), state)
 
-    def _advance(self, state, values, absolute, plant, noise, flees) -> tuple[Motion, np.ndarray]:
-        """Move `state` on by the steps of `values`, which end at the next refresh of the field."""
+    def _advance(self, state, values, absolute, plant, noise, flees) -> tuple[Motion, np.ndarray, np.ndarray]:
+        """Move `state` on by the steps of `values`; a fleeing object's field is refreshed at their end at most.
+
+        Returns:
+            The motion, its measures (B, N + 1, len(MEASURES)), and its escape times (B, N + 1), s.
+        """
         steps = values.shape[1]
         displacement = self._displacement(state, steps, noise, flees)
         motion = self.dynamics.rollout(
@@ -230,16 +234,12 @@ class EpisodeBatch:
         first_step = state.step.copy()
         state.q_r, state.q_cmd = motion.q_r[:, -1].copy(), motion.q_cmd[:, -1].copy()
         state.pose, state.step = motion.pose[:, -1].copy(), state.step + steps
-        caging = np.empty((state.rows, steps + 1))
-        caging[:] = CAGING_SCALE * state.escape_time[:, None]
-        if self.field is not None:
-            refresh_escape(self.field, state, np.flatnonzero(state.step % self.escape_every == 0))
-            caging[:, -1] = CAGING_SCALE * state.escape_time
-        measures = self._measure(motion, first_step, caging)
+        times = advance_escape(self.field, state, motion, first_step, self.escape_every)
+        measures = self._measure(motion, first_step, CAGING_SCALE * times)
         if self.tracking:
             for t in range(1, steps + 1):  # one at a time, as stepping does, to be bit-equal to it
                 state.error_sum = state.error_sum + measures[:, t, MEASURES.index("tracking_error")]
-        return motion, measures
+        return motion, measures, times
 
     def _displacement(self, state, steps, noise, flees) -> np.ndarray | None:
         """The object's free displacement in the next steps, shape (B, steps, 2), m."""
