@@ -68,6 +68,10 @@ class PlanError(PiecError, ValueError):
     """A plan file that is broken or foreign, or a plan for another env."""
 
 
+class WeightsError(PiecError, ValueError):
+    """A weight file of a learned field that is missing, broken, or made for another robot."""
+
+
 class RecordError(PiecError, ValueError):
     """A record file that cannot be read."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +16,7 @@ from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import MEASURES, PRESETS
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
-from piec_envs.escape.field import make_field
+from piec_envs.escape.field import choose_field
 from piec_envs.registration import MOTIONS
 from planners.base import Plan
 from planners.configuration import enclosing_posture
@@ -44,8 +45,9 @@ class CmaEsPlanner:
         start: first guess: "rest" stays at the start configuration, "enclose" moves to a posture
             that encloses the object at the goal, curled one way and the other in turn.
         arrive: share of the horizon after which the first guess has reached that posture.
+        escape_field: name of the field that the planner optimises, or its options with a "name"; "auto"
+            is the robot's best.
         escape_every: k: the field is evaluated on every k-th step of a rollout.
-        field_resolution: nodes along each side of the field's grid.
         robust_iterations: further iterations from the best result, with the task term averaged over ...
         robust_samples: ... this many disturbed rollouts of the planner's own.
         robust_disturbance: their sigma for each axis, m.
@@ -64,8 +66,8 @@ class CmaEsPlanner:
     sigma: float = 0.2
     start: str = "enclose"
     arrive: float = 0.6
-    escape_every: int = 20
-    field_resolution: int = 64
+    escape_field: str | Mapping[str, Any] = "auto"
+    escape_every: int = 5
     robust_iterations: int = 40
     robust_samples: int = 8
     robust_disturbance: float = 0.005
@@ -108,6 +110,7 @@ class CmaEsPlanner:
         nominal = self._nominal_kwargs(env_kwargs)
         env: Any = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
         env.reset(seed=seed)
+        nominal["escape_field"] = env.batch.config.escape_field  # by name, not as "auto"
         search = _Search(self, env.batch, env.get_state(), seed)
         total = self.iterations + self.robust_iterations + 1
         with tqdm(total=total, desc=f"planning {self.objective}", disable=not progress, leave=False) as bar:
@@ -119,7 +122,7 @@ class CmaEsPlanner:
         objective: Objective = get_objective(self.objective)
         own = {"prior": objective.prior, "preset": self.preset, "adversary": objective.adversary}
         if objective.escape_field:
-            own["escape_field"] = {"name": "grid", "resolution": self.field_resolution}
+            own["escape_field"] = self.escape_field
             own["escape_every"] = self.escape_every
         else:
             own["escape_field"] = None
@@ -205,7 +208,7 @@ class _Search:
         home, points = self.start.q_r[0], self.planner.via_points
         if self.planner.start == "rest":
             return np.repeat(home[None], points, axis=0)
-        escape = self.batch.field or make_field("grid", self.batch.robot.name, resolution=self.planner.field_resolution)
+        escape = self.batch.field or choose_field(self.planner.escape_field, self.batch.robot.name)
         pose = np.append(self.batch.task.goal, 0.0)
         posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl=(-1.0) ** restart)
         return home + np.minimum(1.0, np.linspace(0, 1, points + 1)[1:, None] / self.planner.arrive) * (posture - home)
@@ -223,9 +226,9 @@ class _Search:
         return np.clip(self.trajectory.path(self.start.q_r[0], via), self.lower, self.upper)
 
     def best_plan(self, env_id: str, nominal: dict[str, Any]) -> Plan:
-        """Re-simulate the realised path of each result and keep the cheapest."""
+        """Re-simulate the realised path of each result and keep the cheapest, of those that come home if any does."""
         plans = [self._make_plan(env_id, nominal, self._limit(x)) for _, x in self.found]
-        return min(plans, key=lambda plan: plan.cost)
+        return min(plans, key=lambda plan: (plan.nominal["d2g"] > 0, plan.cost))
 
     def _make_plan(self, env_id: str, nominal: dict[str, Any], via: np.ndarray) -> Plan:
         realised = self.batch.rollout(self.start, self._paths(via[None]), absolute=True).motion.q_r  # (1, N + 1, n)

@@ -11,7 +11,14 @@ import numpy as np
 
 from piec_envs.episodes.posture import FEASIBLE, CagingProblem
 from piec_envs.errors import InvalidActionError, InvalidParameterError, as_count, as_floats, check_name
-from piec_envs.escape.field import CAGING_SCALE, EscapeField, make_field, object_escape_time
+from piec_envs.escape.field import (
+    CAGING_SCALE,
+    EscapeField,
+    choose_field,
+    make_field,
+    object_escape_time,
+    resolve_field,
+)
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
@@ -29,7 +36,8 @@ class CageConfig:
         robot: row of the table of robots; the environment's id decides it.
         object: row of the table of objects.
         pose: the object's x, y, angle in every episode; None draws it.
-        escape_field: name of the escape field, or its options with a "name"; its wall must leak.
+        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best.
+            Its wall must leak.
         reduce: "mean" or "max" over the key points.
         threads: threads of a batch; None takes all cores.
 
@@ -41,7 +49,7 @@ class CageConfig:
     robot: str
     object: str = "three_discs"
     pose: tuple[float, float, float] | None = None
-    escape_field: str | Mapping[str, Any] = "grid"
+    escape_field: str | Mapping[str, Any] = "auto"
     reduce: str = "mean"
     threads: int | None = None
 
@@ -53,6 +61,7 @@ class CageConfig:
             raise InvalidParameterError(
                 f"escape_field must be a name or a mapping of options with a name, got {self.escape_field!r}"
             )
+        object.__setattr__(self, "escape_field", resolve_field(self.escape_field, self.robot))
         pose = (REACH, 0.0, 0.0) if self.pose is None else self.checked_pose(self.pose)
         self.make_problem(np.array(pose), self.make_field())  # refuses what no problem can be made of
         object.__setattr__(self, "pose", None if self.pose is None else pose)
@@ -68,9 +77,7 @@ class CageConfig:
 
     def make_field(self) -> EscapeField:
         """The escape field."""
-        options = {"name": self.escape_field} if isinstance(self.escape_field, str) else dict(self.escape_field)
-        name = options.pop("name", "grid")
-        return make_field(name, self.robot, threads=self.threads, **options)
+        return choose_field(self.escape_field, self.robot, threads=self.threads)
 
     def make_hard_field(self) -> EscapeField:
         """The exact field under a hard wall, which decides what is enclosed."""

@@ -14,11 +14,11 @@ from piec_envs.dynamics.quasi_dynamic import SOLVERS
 from piec_envs.episodes.state import PlantParams, check_randomize
 from piec_envs.episodes.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
-from piec_envs.escape.field import EscapeField, make_field
+from piec_envs.escape.field import EscapeField, choose_field, resolve_field
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
-DEFAULT_ESCAPE_EVERY = {"grid": 10}
+DEFAULT_ESCAPE_EVERY = {"grid": 10}  # a learned field is refreshed at every step
 NOISE_ENTRIES = ("qp", "state")
 
 
@@ -37,7 +37,8 @@ class EnvConfig:
         adversary: speed of an object that flees, as a fraction of the escape field's u_bar.
         start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
         randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.
-        escape_field: name of the escape field, or its options with a "name"; None computes none.
+        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best,
+            `network` where weights ship, else `grid`; None computes none.
         escape_every: steps between two refreshes of the escape time; None takes the field's default.
         prior: "caging", "contact", "proximity" or None; "auto" is caging where a field is computed.
         goal: centre of the goal region, (x, y) in m; None takes the task's.
@@ -63,7 +64,7 @@ class EnvConfig:
     adversary: float = 0.0
     start_noise: tuple[float, float] = (0.0, 0.0)
     randomize: Mapping[str, Any] | None = None
-    escape_field: str | Mapping[str, Any] | None = "grid"
+    escape_field: str | Mapping[str, Any] | None = "auto"
     escape_every: int | None = None
     prior: str | None = "auto"
     goal: tuple[float, float] | None = None
@@ -74,7 +75,8 @@ class EnvConfig:
     threads: int | None = None
 
     def __post_init__(self):
-        get_task(self.task)
+        if self.escape_field is not None:
+            object.__setattr__(self, "escape_field", resolve_field(self.escape_field, get_task(self.task).robot))
         get_object(self.object)
         _ = self.params, self.cost_weights, self.contact_model
         object.__setattr__(self, "randomize", check_randomize(self.randomize))
@@ -171,7 +173,5 @@ class EnvConfig:
         """The escape field and the number of steps between its refreshes."""
         if self.escape_field is None:
             return None, 1
-        options = {"name": self.escape_field} if isinstance(self.escape_field, str) else dict(self.escape_field)
-        name = options.pop("name", "grid")
-        escape = make_field(name, get_task(self.task).robot, threads=self.threads, **options)
-        return escape, self.escape_every or DEFAULT_ESCAPE_EVERY[name]
+        escape = choose_field(self.escape_field, get_task(self.task).robot, threads=self.threads)
+        return escape, self.escape_every or DEFAULT_ESCAPE_EVERY.get(escape.name, 1)

@@ -47,7 +47,7 @@ class CostWeights(NamedTuple):
     task: float = 2e3
     command: float = 1e3
     prior: float = 1e2
-    saturation: float = 1.5
+    saturation: float = 1.0
     shortest: bool = False
 
 

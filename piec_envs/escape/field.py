@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import numpy as np
 
 from piec_envs.errors import InvalidParameterError, PiecError, check_name
-from piec_envs.escape.grid import FieldMap, GridField
+from piec_envs.escape.base import FieldMap
+from piec_envs.escape.grid import GridField
+from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.escape.weights import has_weights
 from piec_envs.kernels import kernel
 
 CAGING_SCALE = 0.02  # 1/s: caging = 0.02 T, the scale of the paper's plots
@@ -18,7 +21,7 @@ REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max}
 
 
 class EscapeField(Protocol):
-    """Anything that answers escape times: exact (`grid`) or learned. Shapes as in `GridField`.
+    """Anything that answers escape times; shapes as in `BatchedField`.
 
     On and outside the workspace disc an object has escaped: T and its gradients are 0 there, and the
     escape path is the point alone. Points and configurations that are not finite are refused.
@@ -61,7 +64,11 @@ class EscapeField(Protocol):
         ...
 
 
-FIELDS = {"grid": GridField}
+FIELDS: dict[str, Callable[..., EscapeField]] = {
+    "grid": GridField,
+    "network": NetworkField,
+    "pinn": partial(NetworkField, weights="pinn"),
+}
 
 
 def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) -> EscapeField:
@@ -88,6 +95,29 @@ def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) ->
         raise
     except (TypeError, ValueError, AttributeError) as error:
         raise InvalidParameterError(f"escape field {name!r}: {error}") from error
+
+
+def resolve_field(choice: str | Mapping[str, Any], robot_name: str) -> str | Mapping[str, Any]:
+    """The choice itself, or what "auto" stands for: `network` where weights ship for the robot, else `grid`."""
+    if choice != "auto":
+        return choice
+    return "network" if has_weights(robot_name) else "grid"
+
+
+def choose_field(choice: str | Mapping[str, Any], robot_name: str, **options) -> EscapeField:
+    """The escape field that a keyword argument asks for.
+
+    Args:
+        choice: a name, "auto", or a mapping of the field's arguments with a "name", by default "grid".
+        robot_name: a row of the table of robots.
+        options: further arguments of the field.
+
+    Raises:
+        PiecError: as `make_field` does.
+    """
+    choice = resolve_field(choice, robot_name)
+    given = {"name": choice} if isinstance(choice, str) else {"name": "grid", **choice}
+    return make_field(robot_name=robot_name, **{**options, **given})
 
 
 @lru_cache(maxsize=32)

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from piec_envs.errors import InvalidParameterError, InvalidStateError, check_name
+from piec_envs.escape.base import FieldMap, draw_map, find_path
 from piec_envs.escape.between import value
 from piec_envs.escape.disc import make_disc, make_scratch, solve_disc
-from piec_envs.escape.grid import METHODS, FieldMap, draw_map, find_path
+from piec_envs.escape.grid import METHODS
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.kernels import batch_kernel
 from piec_envs.world.scene import pack_shapes
@@ -89,7 +90,7 @@ class ObstacleField:
 
     def solve(self) -> FieldMap:
         """Escape time and speed over the whole workspace."""
-        return draw_map(self._field, self._disc, self.speed)
+        return draw_map(self._field, self.speed)
 
     def escape_path(self, point: np.ndarray) -> np.ndarray:
         """Fastest way out for a point, shape (2,), m.

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import check_name
 from piec_envs.escape.speed import distance_map
+from piec_envs.geometry.distance import self_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 CURL = (0.6, 2.6)  # rad, range of |q_2|, ..., |q_n| in a curled configuration
+CLOSING = (0.0, 0.1)  # m, range of the distance between two links in a closing configuration
 CURLED_REACH = 0.35  # m, points of the curled set lie this close to the robot's centroid
 
 
@@ -24,6 +26,34 @@ def _distances(scene, q, points, out):
         link_frames(scene, q[row], frames)
         place_shapes(scene.robot, frames, vertices, centres)
         distance_map(scene.robot, vertices, points[row, :, 0], points[row, :, 1], out[row], work)
+
+
+@batch_kernel
+def _vertices(scene, q, out):
+    frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(scene.robot.centre)
+    for row in range(q.shape[0]):
+        link_frames(scene, q[row], frames)
+        place_shapes(scene.robot, frames, out[row], centres)
+
+
+@batch_kernel
+def _self_distances(scene, q, out):
+    """Least distance between links that are no neighbours, shape (B,), m."""
+    frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(scene.robot.centre)
+    vertices = np.empty_like(scene.robot.vertices)
+    for row in range(q.shape[0]):
+        link_frames(scene, q[row], frames)
+        place_shapes(scene.robot, frames, vertices, centres)
+        out[row] = self_distance(scene, vertices)
+    return out
+
+
+def robot_vertices(robot_name: str, q_r: np.ndarray) -> np.ndarray:
+    """World vertices of a robot's shapes, shapes (B, V, 2) and (B, n), m."""
+    scene, q = pack_scene(robot_name, "circle"), np.ascontiguousarray(q_r, dtype=float)
+    out = np.empty((len(q), *scene.robot.vertices.shape))
+    _vertices(scene, q, out)
+    return out
 
 
 def robot_distance(robot_name: str, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
@@ -49,7 +79,9 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
 
     Args:
         robot_name: a row of the table of robots.
-        kind: "uniform" within the limits, or "curled": all joints but the first of one sign, 0.6 to 2.6 rad.
+        kind: "uniform" within the limits; "curled": all joints but the first of one sign, 0.6 to 2.6 rad;
+            "closing": curled, with two links that are no neighbours up to 0.1 m apart (of a robot without
+            such links just curled).
         rows: how many.
         rng: source of randomness.
 
@@ -59,8 +91,16 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
     Raises:
         UnknownNameError: if the kind is not known.
     """
-    if kind not in ("uniform", "curled"):
-        raise UnknownNameError("kind of configurations", kind, ("uniform", "curled"))
+    check_name("kind of configurations", kind, ("uniform", "curled", "closing"))
+    if kind == "closing":
+        kept = np.empty((0, get_robot(robot_name).dof))
+        while len(kept) < rows:
+            q = draw_configurations(robot_name, "curled", 2 * rows, rng)
+            gap = _self_distances(pack_scene(robot_name, "circle"), q, np.empty(len(q)))
+            if np.isinf(gap).all():
+                return q[:rows]
+            kept = np.concatenate([kept, q[(gap >= CLOSING[0]) & (gap <= CLOSING[1])]])
+        return kept[:rows]
     robot = get_robot(robot_name)
     lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
     q = rng.uniform(lower, upper, size=(rows, robot.dof))
@@ -86,15 +126,12 @@ def draw_points(
     Returns:
         Points, shape (B, k, 2), m.
     """
-    scene, radius = pack_scene(robot_name, "circle"), get_robot(robot_name).workspace_radius
+    radius = get_robot(robot_name).workspace_radius
     points = np.empty((len(q_r), k, 2))
     for row, q in enumerate(q_r):
         centre, reach = np.zeros(2), radius
         if kind == "curled":
-            frames, vertices = np.empty((len(q) + 1, 4)), np.empty_like(scene.robot.vertices)
-            link_frames(scene, q, frames)
-            place_shapes(scene.robot, frames, vertices, np.empty_like(scene.robot.centre))
-            centre, reach = vertices.mean(axis=0), CURLED_REACH
+            centre, reach = robot_vertices(robot_name, q[None])[0].mean(axis=0), CURLED_REACH
         kept = np.empty((0, 2))
         while len(kept) < k:
             angle, r = rng.uniform(0, 2 * np.pi, k), reach * np.sqrt(rng.uniform(size=k))

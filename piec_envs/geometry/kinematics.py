@@ -75,3 +75,19 @@ def point_velocity(scene, frames, j, x, y):
     v_x = c * axis[0] - s * axis[1] - axis[2] * (y - frames[j + 1, 1])
     v_y = s * axis[0] + c * axis[1] + axis[2] * (x - frames[j + 1, 0])
     return v_x, v_y
+
+
+@kernel
+def base_gradient(scene, frames, base, p_x, p_y, dq):
+    """Gradient in the joints that move the base, against whose motion a point moves relative to it.
+
+    Args:
+        scene: a `PackedScene`.
+        frames: from `link_frames`, of the leading joints at least.
+        base: number of leading joints that move the base.
+        p_x, p_y: gradient in the point.
+        dq: output, shape (n,); the first `base` entries are written.
+    """
+    for j in range(base):
+        axis, c, s = scene.joint_axis[j], frames[j, 2], frames[j, 3]
+        dq[j] = -p_x * (c * axis[0] - s * axis[1]) - p_y * (s * axis[0] + c * axis[1])

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from piec_envs.escape.base import FieldMap
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.escape.grid import FieldMap
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import draw_workspace, link_outlines, union_patch
 from piec_envs.world.robots import Robot
@@ -69,26 +69,37 @@ def draw_field(
     style = style or FieldStyle()
     x, y = field_map.x, field_map.y
     caging = _filled(field_map, style.speed)
-    half = 0.5 * (x[1] - x[0])
-    image = ax.imshow(
-        caging,
-        extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
-        origin="lower",
-        interpolation="bilinear",
-        cmap=field_colours(),
-        vmin=0.0,
-        vmax=FIELD_TOP,
-        zorder=1,
-    )
+    scale: dict[str, Any] = {"cmap": field_colours(), "vmin": 0.0, "vmax": FIELD_TOP}
+    image = draw_nodes(ax, x, y, caging, interpolation="bilinear", **scale)
     circle = draw_workspace(ax, robot, q)
     image.set_clip_path(circle)
     lines = ax.contour(x, y, caging, levels=CONTOURS, colors="white", linewidths=style.line, alpha=0.85, zorder=2)
     lines.set_clip_path(circle)
     if style.labels:
         ax.clabel(lines, CONTOURS[1::2], fmt="%.1f", fontsize=style.font, inline_spacing=3, zorder=2.5)
-    wall = [outline for link in link_outlines(robot, q, grow=style.speed.d0) for outline in link]
-    ax.add_artist(union_patch(wall, facecolor=WALL, edgecolor="none", zorder=3))
+    draw_wall(ax, robot, q, style.speed)
     return image
+
+
+def draw_nodes(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, **style: Any) -> AxesImage:
+    """Draw values on the nodes of a grid as an image.
+
+    Args:
+        ax: where to draw.
+        x: of the columns, evenly spaced, shape (N,), m.
+        y: of the rows, evenly spaced, shape (N,), m.
+        values: shape (N, N).
+        style: properties of a Matplotlib image.
+    """
+    half = 0.5 * (x[1] - x[0])
+    extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
+    return ax.imshow(values, extent=extent, origin="lower", **{"interpolation": "nearest", "zorder": 1, **style})
+
+
+def draw_wall(ax: Axes, robot: Robot, q: np.ndarray, speed: SpeedModel) -> None:
+    """Draw the wall, everything within d0 of the robot, as one even shape."""
+    wall = [outline for link in link_outlines(robot, q, grow=speed.d0) for outline in link]
+    ax.add_artist(union_patch(wall, facecolor=WALL, edgecolor="none", zorder=3))
 
 
 def _filled(field_map: FieldMap, speed: SpeedModel) -> np.ndarray:

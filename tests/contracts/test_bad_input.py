@@ -8,7 +8,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.errors import InvalidActionError, InvalidParameterError, InvalidStateError, PiecError, UnknownNameError
+from piec_envs.errors import (
+    InvalidActionError,
+    InvalidParameterError,
+    InvalidStateError,
+    PiecError,
+    UnknownNameError,
+    WeightsError,
+)
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 
@@ -63,6 +70,9 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"object": ["circle"]}, UnknownNameError, "circle"),
         ({"escape_field": {"name": "grid", "resolution": -3}}, PiecError, "resolution"),
         ({"escape_field": {"name": "grid", "size": 3}}, PiecError, "size"),
+        ({"escape_field": {"name": "network", "weights": "nonsense"}}, WeightsError, "nonsense.*piec train-field"),
+        ({"escape_field": {"name": "network", "weights": 3}}, InvalidParameterError, "network"),
+        ({"escape_field": {"name": "network", "speed": {"leak": 0.1}}}, InvalidParameterError, "speed"),
     ],
     ids=str,
 )

@@ -84,7 +84,7 @@ def test_enclosing_posture_holds_the_object(batch):
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_small_plan_is_deterministic_and_executable(objective):
-    planner = CmaEsPlanner(objective=objective, escape_every=200, field_resolution=32, start="rest", **SMALL)
+    planner = CmaEsPlanner(objective=objective, escape_every=200, start="rest", **SMALL)
     plan, again = (planner.plan(PUSH, seed=3, progress=False) for _ in range(2))
     np.testing.assert_array_equal(plan.path, again.path)
     assert plan.cost == again.cost and plan.path.shape == (1001, 4)

@@ -72,6 +72,29 @@ class Robot:
         """Number of joints."""
         return len(self.joints)
 
+    @property
+    def base_dof(self) -> int:
+        """Number of leading joints that only slide, and so move the base."""
+        return next((j for j, joint in enumerate(self.joints) if joint.axis[2] != 0), self.dof)
+
+    @property
+    def tip(self) -> np.ndarray:
+        """Vertex of the last frame's shapes that is farthest from that frame, shape (2,), m."""
+        corners = np.concatenate([s.vertices for link in self.links if link.frame == self.dof for s in link.shapes])
+        return corners[int(np.argmax(np.hypot(*corners.T)))].astype(float)
+
+    @property
+    def half_width(self) -> float:
+        """Largest distance of a link's surface from its axis, frame origin to frame origin or tip, m."""
+        widest = 0.0
+        for link in self.links:
+            end = np.array(self.joints[link.frame].origin[:2]) if link.frame < self.dof else self.tip
+            for shape in link.shapes:
+                t = np.clip(shape.vertices @ end / max(float(end @ end), 1e-12), 0.0, 1.0)
+                off = np.hypot(*(shape.vertices - t[:, None] * end).T)
+                widest = max(widest, float(off.max()) + shape.radius)
+        return widest
+
     def joint_array(self, field: str) -> np.ndarray:
         """One field of every joint as an array, shape (n,) or (n, 3)."""
         return np.array([getattr(joint, field) for joint in self.joints], dtype=float)

@@ -1,0 +1,191 @@
+"""What every escape field can be asked, and the checks of what it is asked."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+
+from piec_envs.errors import InvalidStateError
+from piec_envs.escape.between import Field
+from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.escape.sweeping import FAR
+
+VALUE, POINT_GRADIENT, ALL_GRADIENTS = 0, 1, 2  # how much a query computes
+
+
+class FieldMap(NamedTuple):
+    """The escape time of one configuration over the workspace, for drawing.
+
+    `T[i, j]` and `speed[i, j]` belong to the point (x[j], y[i]).
+    """
+
+    x: np.ndarray  # (N,) m
+    y: np.ndarray  # (N,) m
+    T: np.ndarray  # (N, N) s, 0 outside the disc, inf where nothing leads out
+    speed: np.ndarray  # (N, N) m/s
+
+
+def draw_map(field: Field, speed: SpeedModel, centre=(0.0, 0.0)) -> FieldMap:
+    """A solved field as a `FieldMap` around the disc's centre."""
+    axis = field.start + field.h * np.arange(len(field.time))  # (N,)
+    outside = np.hypot(*np.meshgrid(axis, axis)) >= field.radius  # (N, N)
+    T = np.where(field.time < FAR, np.maximum(field.time, 0.0), np.inf)
+    u = np.where(outside, speed.u_bar, speed.speed(field.distance))
+    return FieldMap(axis + centre[0], axis + centre[1], np.where(outside, 0.0, T), u)
+
+
+def find_path(field: Field, point: np.ndarray) -> np.ndarray:
+    """Fastest way out of a solved field from a point, shapes (m, 2), (2,), relative to the disc's centre, m."""
+    path = np.empty((MAX_STEPS_PER_NODE * len(field.time), 2))
+    return path[: trace(field, point[0], point[1], path)]
+
+
+class BatchedField(ABC):
+    """Escape times of batches: exact (`GridField`) or learned (`NetworkField`).
+
+    Rows do not depend on each other, so row i equals the single query bit for bit, with any number
+    of threads.
+
+    Args:
+        robot_name: a row of the table of robots.
+        dof: its number of joints.
+        speed: largest speed as a function of the distance to the robot.
+    """
+
+    name: str
+
+    def __init__(self, robot_name: str, dof: int, speed: SpeedModel):
+        self.robot_name, self.speed, self._dof = robot_name, speed, dof
+
+    @property
+    def u_bar(self) -> float:
+        """Speed in free space, m/s."""
+        return self.speed.u_bar
+
+    @property
+    def leak(self) -> float:
+        """Speed within the wall over u_bar, below 1; 0 is a hard wall."""
+        return self.speed.leak
+
+    @abstractmethod
+    def spec(self) -> dict:
+        """What makes this field again through `make_field(**spec)`, as JSON-able values."""
+
+    @abstractmethod
+    def sample(self, q: np.ndarray) -> tuple[Field, np.ndarray]:
+        """One configuration on a grid over the disc, and the position of the base.
+
+        Args:
+            q: joint positions, shape (n,), rad or m, valid.
+        """
+
+    @abstractmethod
+    def _answer_rows(self, level: int, q: np.ndarray, points: np.ndarray, out: tuple) -> None:
+        """Fill `out` = T (B, k), dT_dp (B, k, 2) and dT_dq (B, k, n), empty beyond the level."""
+
+    def solve(self, q_r: np.ndarray) -> FieldMap:
+        """Escape time and speed over the whole workspace.
+
+        Args:
+            q_r: joint positions, shape (n,), rad or m.
+
+        Returns:
+            A `FieldMap`.
+
+        Raises:
+            InvalidStateError: if q_r has the wrong shape or is not finite.
+        """
+        field, base = self.sample(self._rows(np.empty((0, 2)), q_r)[1][0])
+        return draw_map(field, self.speed, base)
+
+    def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
+        """Fastest way out for a point.
+
+        Args:
+            point: shape (2,), m.
+            q_r: joint positions, shape (n,), rad or m.
+
+        Returns:
+            Points from the given one to the circle, T falling strictly, shape (m, 2), m; the point
+            alone where it is outside already or nothing leads out.
+
+        Raises:
+            InvalidStateError: if the shapes do not fit or a number is not finite.
+        """
+        points, q, _ = self._rows(np.reshape(point, (1, 2)), q_r)
+        field, base = self.sample(q[0])
+        return find_path(field, points[0, 0] - base) + base
+
+    def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
+        """Escape time of points.
+
+        Args:
+            points: shape (B, k, 2) or (k, 2), m.
+            q_r: joint positions, shape (B, n) or (n,), rad or m.
+
+        Returns:
+            T, shape (B, k) or (k,), s; 0 on and outside the disc, inf where nothing leads out.
+
+        Raises:
+            InvalidStateError: if the shapes do not fit or a number is not finite.
+        """
+        return self._ask(points, q_r, VALUE)[0]
+
+    def point_gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Escape time and its gradient in the points.
+
+        Args:
+            points: shape (B, k, 2) or (k, 2), m.
+            q_r: joint positions, shape (B, n) or (n,), rad or m.
+
+        Returns:
+            (T, dT_dp): s and s/m, shapes (B, k) and (B, k, 2), without B for a single row. An exact
+            field's dT_dp has norm 1/u(p); it is 0 where T is 0 or inf.
+
+        Raises:
+            InvalidStateError: if the shapes do not fit or a number is not finite.
+        """
+        return self._ask(points, q_r, POINT_GRADIENT)[:2]
+
+    def gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Escape time and its gradients in the points and the configuration.
+
+        Args:
+            points: shape (B, k, 2) or (k, 2), m.
+            q_r: joint positions, shape (B, n) or (n,), rad or m.
+
+        Returns:
+            (T, dT_dp, dT_dq): as `point_gradients`, and dT_dq of shape (B, k, n) or (k, n), s/rad or
+            s/m; 0 where T is 0 or inf.
+
+        Raises:
+            InvalidStateError: if the shapes do not fit or a number is not finite.
+        """
+        return self._ask(points, q_r, ALL_GRADIENTS)
+
+    def _rows(self, points, q_r):
+        """Points (B, k, 2) and configurations (B, n), checked, and whether a single row was given."""
+        points, q = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(q_r, dtype=float)
+        single = q.ndim == 1
+        if single:
+            points, q = points[None], q[None]
+        if points.ndim != 3 or points.shape[2] != 2 or q.ndim != 2 or len(points) != len(q) or q.shape[1] != self._dof:
+            raise InvalidStateError(
+                f"points must be (B, k, 2) and q_r (B, {self._dof}), or (k, 2) and ({self._dof},); "
+                f"got {np.shape(points)[single:]} and {np.shape(q_r)}"
+            )
+        if not (np.isfinite(points).all() and np.isfinite(q).all()):
+            raise InvalidStateError("points and q_r must be finite")
+        return points, q, single
+
+    def _ask(self, points, q_r, level):
+        """(T, dT_dp, dT_dq) as far as the level goes; the rest are empty."""
+        points, q, single = self._rows(points, q_r)
+        rows, k = points.shape[:2]
+        p_size, q_size = 2 * (level >= POINT_GRADIENT), self._dof * (level >= ALL_GRADIENTS)
+        out = np.empty((rows, k)), np.empty((rows, k, p_size)), np.empty((rows, k, q_size))
+        self._answer_rows(level, q, points, out)
+        return tuple(array[0] for array in out) if single else out

@@ -1,0 +1,55 @@
+"""Learned fields with random weights, and a robot whose base slides."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from piec_envs.escape import SpeedModel
+from piec_envs.escape.weights import FieldWeights, input_count
+from piec_envs.world.robots import ROBOTS, Joint, get_robot
+
+
+def random_weights_of(inputs="skeleton", width=8, depth=2, robot="planar_arm", seed=0, rise=1.0, **changes):
+    """Weights of a network that nobody trained; T / T_0 varies with `rise`."""
+    rng = np.random.default_rng(seed)
+    seen = input_count(robot, inputs)
+    arrays = {
+        "mean": 0.2 * rng.standard_normal(seen),
+        "scale": rng.uniform(0.3, 1.0, seen),
+        "w_in": rng.standard_normal((width, seen)) / np.sqrt(seen),
+        "b_in": 0.3 * rng.standard_normal(width),
+        "w": rng.standard_normal((depth - 1, width, width)) / np.sqrt(width),
+        "b": 0.3 * rng.standard_normal((depth - 1, width)),
+        "w_out": rise * rng.standard_normal(width) / np.sqrt(width),
+        "b_out": np.array([2.0]),
+    }
+    given = {"robot": robot, "inputs": inputs, "arrays": arrays, "recipe": {"method": "none"}, "seed": seed}
+    return FieldWeights(**{"speed": SpeedModel(), **given, **changes})
+
+
+@pytest.fixture(scope="session")
+def random_weights():
+    """The function `random_weights_of`."""
+    return random_weights_of
+
+
+def _sliding_arm():
+    """The planar arm on a base that slides along x and y."""
+    arm = get_robot("planar_arm")
+    base = tuple(
+        Joint(f"base {name}", (0.0, 0.0, 0.0), axis, -2.0, 2.0, 0.05, 0.01, 500.0)
+        for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
+    )
+    links = tuple(dataclasses.replace(link, frame=link.frame + 2) for link in arm.links)
+    return dataclasses.replace(arm, name="sliding_arm", joints=base + arm.joints, links=links, home=np.zeros(6))
+
+
+@pytest.fixture
+def any_robot(request, monkeypatch):
+    """The name of a robot: a row of the table, or "sliding_arm", which is added for the test."""
+    if request.param not in ROBOTS:
+        monkeypatch.setitem(ROBOTS, request.param, _sliding_arm)
+    return request.param
