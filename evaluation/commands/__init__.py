@@ -7,13 +7,13 @@ import inside `run`, so that `piec --help` is quick.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from piec_envs.errors import InvalidParameterError
+from piec_envs.errors import InvalidParameterError, check_name
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,15 @@ COMMANDS = {
             ("piec reproduce planar-disturbance --jobs 2", "piec reproduce all --smoke --out runs/smoke"),
             "reproduce",
         ),
+        Command(
+            "train-field",
+            "train an escape field, or go on with a training that was stopped",
+            (
+                "piec train-field --robot planar_arm --recipe network",
+                "piec train-field --recipe pinn --seed 1 --set rounds=2 iterations=200 --out runs/quick",
+            ),
+            "train_field",
+        ),
         Command("bench", "measure speeds and write them to a file", ("piec bench", "piec bench --quick"), "bench"),
         Command(
             "render",
@@ -119,3 +128,40 @@ def settings(pairs: Sequence[str] | None) -> dict[str, Any]:
         except ValueError:
             found[name] = text
     return found
+
+
+def fit_settings(kind: str, chosen: Mapping[str, Any], default: Any) -> dict[str, Any]:
+    """Settings as the fields of a dataclass take them.
+
+    Args:
+        kind: what they set, such as "planner".
+        chosen: from `settings`.
+        default: an instance; its values give the types.
+
+    Returns:
+        The values by name, whole numbers for floats and lists for tuples made fit.
+
+    Raises:
+        UnknownNameError: for a setting that it does not have.
+        InvalidParameterError: for a value of another type.
+    """
+    known = [item.name for item in fields(default)]
+    found = {}
+    for name, value in chosen.items():
+        check_name(f"{kind} setting", name, known)
+        found[name] = _like(value, getattr(default, name))
+        if found[name] is None:
+            raise InvalidParameterError(
+                f"{kind} setting {name} is a value such as {getattr(default, name)!r}, got {value!r}"
+            )
+    return found
+
+
+def _like(value: Any, usual: Any) -> Any:
+    """The value in the type of the usual one, None if it is of another."""
+    if isinstance(usual, tuple) and usual and isinstance(value, list):
+        items = [_like(item, usual[0]) for item in value]
+        return None if None in items else tuple(items)
+    if isinstance(usual, float) and type(value) is int:
+        return float(value)
+    return value if type(value) is type(usual) else None

@@ -31,6 +31,7 @@ def _tables() -> dict[str, dict[str, str]]:
     from piec_envs.episodes.state import DYNAMICS_NAMES
     from piec_envs.episodes.tasks import PRESETS, PRIORS
     from piec_envs.escape.field import FIELDS
+    from piec_envs.escape.training import RECIPES
     from piec_envs.registration import ENVS
     from piec_envs.world.objects import OBJECTS
     from piec_envs.world.robots import ROBOTS, get_robot
@@ -42,7 +43,8 @@ def _tables() -> dict[str, dict[str, str]]:
         "objects": {name: f"{len(item.shapes)} shape(s), {item.mass} kg" for name, item in OBJECTS.items()},
         "dynamics": dict.fromkeys(DYNAMICS_NAMES, ""),
         "solvers": dict.fromkeys(SOLVERS, ""),
-        "escape fields": {name: _first_line(kind) for name, kind in FIELDS.items()},
+        "escape fields": {name: _field(name, kind) for name, kind in FIELDS.items()},
+        "recipes of train-field": {name: row.description for name, row in RECIPES.items()},
         "priors": dict.fromkeys(PRIORS, ""),
         "presets": dict.fromkeys(PRESETS, ""),
         "objectives": {name: row.label for name, row in OBJECTIVES.items()},
@@ -50,6 +52,19 @@ def _tables() -> dict[str, dict[str, str]]:
         "studies": {name: row.description for name, row in STUDIES.items()},
         "commands": {name: row.help for name, row in COMMANDS.items()},
     }
+
+
+def _field(name: str, kind: Any) -> str:
+    """What the field is; of a trained one, how, and for which robots its weights ship."""
+    from piec_envs.escape.training import RECIPES
+    from piec_envs.escape.weights import has_weights
+    from piec_envs.world.robots import ROBOTS
+
+    summary = _first_line(getattr(kind, "func", kind))
+    if name not in RECIPES:
+        return summary
+    robots = [robot for robot in ROBOTS if has_weights(robot, name)]
+    return f"{summary} Recipe: {RECIPES[name].description}. Weights: {', '.join(robots) or 'none ship'}."
 
 
 def _first_line(item: Any) -> str:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 from pathlib import Path
-from typing import Any
 
-from evaluation.commands import Report, settings
+from evaluation.commands import Report, fit_settings, settings
 from evaluation.studies import PUSH
-from piec_envs.errors import InvalidParameterError, check_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +29,7 @@ def run(args: argparse.Namespace) -> Report:
     from planners import CmaEsPlanner
 
     own = {"objective": args.objective, "preset": args.preset, **settings(args.planner)}
-    _check(own, CmaEsPlanner())
+    own = fit_settings("planner", own, CmaEsPlanner())
     plan = CmaEsPlanner(**own).plan(args.env, seed=args.seed, **settings(args.set))
     out = plan.save(args.out or Path("runs", "plans", f"{args.objective}-seed{args.seed}.npz"))
     distance, d2g = plan.nominal["goal_distance"], plan.nominal["d2g"]
@@ -40,14 +37,3 @@ def run(args: argparse.Namespace) -> Report:
     text = f"{plan.objective}: cost {plan.cost:.6g}; the object ends {distance:.3f} m from the goal, {place}"
     data = {"objective": plan.objective, "preset": plan.preset, "seed": plan.seed, "cost": plan.cost}
     return Report(text, {**data, "env_id": plan.env_id, "nominal": plan.nominal}, [out])
-
-
-def _check(chosen: dict[str, Any], default: Any) -> None:
-    """Refuse settings that the planner does not have, or of another type than its defaults."""
-    known = [item.name for item in dataclasses.fields(default)]
-    for name, value in chosen.items():
-        check_name("planner setting", name, known)
-        usual = getattr(default, name)
-        number = isinstance(usual, float) and isinstance(value, int) and not isinstance(value, bool)
-        if not number and type(value) is not type(usual):
-            raise InvalidParameterError(f"planner setting {name} is a value such as {usual!r}, got {value!r}")

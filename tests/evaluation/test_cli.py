@@ -5,12 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from evaluation.cli import main
 from evaluation.commands import COMMANDS, settings
 from evaluation.records import read_records
 from piec_envs.errors import InvalidParameterError
+from piec_envs.escape import make_field
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = ["--planner", "iterations=1", "population=4", "restarts=1", "start=rest", "robust_iterations=0"]
@@ -63,6 +65,7 @@ def test_list(piec, capsys):
     assert code == 0
     assert "piec_envs/PlanarArmPush-v0" in tables["environments"] and "disturbance-5mm" in tables["protocols"]
     assert set(tables["commands"]) == set(COMMANDS)
+    assert "label-free" in tables["recipes of train-field"]["pinn"] and "label-free" in tables["escape fields"]["pinn"]
     assert main(["list"]) == 0
     assert "planar-disturbance" in capsys.readouterr().out
 
@@ -111,6 +114,22 @@ def test_bench(piec, tmp_path):
     assert {"contact step, fast over osqp", "rank of plan costs"} <= {row["benchmark"] for row in document["rows"]}
 
 
+def test_train_field(piec, tmp_path, capsys):
+    pytest.importorskip("torch")
+    numbers = ["configurations=6", "points=8", "iterations=3", "batch=16", "width=8", "rounds=1", "lengths=[0.1, 0.4]"]
+    arguments = ["train-field", "--recipe", "pinn", "--threads", "1", "--out", tmp_path, "--set", *numbers]
+    code, document = piec(*arguments)
+    file = tmp_path / "planar_arm-pinn.npz"
+    assert code == 0 and document["wrote"] == [str(file), str(file.with_suffix(".json"))]
+    assert document["held_out"]["median"] > 0 and document["settings"]["lengths"] == [0.1, 0.4]
+    assert (make_field("network", weights=str(file)).query(np.full((1, 2), 0.3), np.zeros(4)) > 0).all()
+    assert main([str(argument) for argument in arguments]) == 0
+    text = capsys.readouterr().out
+    assert f'make_field("network", "planar_arm", weights="{file}")' in text and f"wrote {file}" in text
+    assert main(["train-field", "--device", "quantum", "--out", str(tmp_path)]) == 2
+    assert "device 'quantum'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -120,6 +139,13 @@ def test_bench(piec, tmp_path):
         (["plan", "--planner", "iterations=many"], "such as 100"),
         (["plan", "--set", "object"], "name=value"),
         (["plan", "--set", "friction=-1"], "friction"),
+        (["train-field", "--recipe", "pin"], "Did you mean 'pinn'?"),
+        (["train-field", "--robot", "planar_leg"], "Did you mean 'planar_arm'?"),
+        (["train-field", "--set", "luck=1"], "recipe setting"),
+        (["train-field", "--set", "width=many"], "such as 64"),
+        (["train-field", "--set", "width=6"], "multiple of 4"),
+        (["train-field", "--recipe", "pinn", "--set", 'lengths=[0.1, "far"]'], "such as (0.05"),
+        (["train-field", "--threads", "0"], "threads"),
         (["evaluate", "missing.npz"], "missing.npz"),
         (["render", "missing.npz"], "missing.npz"),
         (["render", "--state", "[1]"], "JSON object"),

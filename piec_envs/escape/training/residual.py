@@ -1,0 +1,81 @@
+"""The paper's physics-informed loss: eikonal residual and boundary, without labels (section 4.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from piec_envs.escape.samples import draw_configurations, robot_distance
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.escape.training.recipes import Residual
+from piec_envs.escape.training.reference import LEAST_SCALE, FieldModule, Geometry
+from piec_envs.escape.training.sampling import clear_points
+from piec_envs.escape.weights import FieldWeights
+from piec_envs.world.robots import get_robot
+
+NORMALISATION_POINTS = 20_000
+
+
+class ResidualLoss:
+    """lambda_pde (|grad_p T| - 1/u)^2 + lambda_bc T^2 on the circle; arguments as in `FittedLoss`."""
+
+    def __init__(
+        self, recipe: Residual, robot_name: str, speed: SpeedModel, seed: int, device: str, threads: int | None = None
+    ):
+        self.recipe, self.robot_name, self.speed, self.seed, self.device = recipe, robot_name, speed, seed, device
+        self.geometry = Geometry(robot_name, recipe.inputs, speed)
+
+    @property
+    def lengths(self) -> list[int]:
+        """Iterations of the only round."""
+        return [self.recipe.iterations]
+
+    def begin_round(self, number: int, weights: FieldWeights) -> tuple[torch.Tensor, torch.Tensor] | None:
+        """Mean and scale of geometric inputs; raw ones go in as they are, as in the paper."""
+        if self.recipe.inputs == "raw":
+            return None
+        rng = np.random.default_rng(self.seed)
+        q = draw_configurations(self.robot_name, "uniform", NORMALISATION_POINTS // 10, rng)
+        points = clear_points(self.robot_name, q, 10, rng, self.recipe.clearance)
+        x = self.geometry.describe(self._tensor(points.reshape(-1, 2)), self._tensor(np.repeat(q, 10, axis=0)))
+        return x.mean(0), x.std(0).clamp(min=LEAST_SCALE)
+
+    def _tensor(self, array: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+
+    def __call__(self, module: FieldModule, iteration: int) -> torch.Tensor:
+        """The loss of one iteration's batch."""
+        recipe, rng = self.recipe, np.random.default_rng([self.seed, iteration])
+        q = draw_configurations(self.robot_name, "uniform", recipe.configurations, rng)
+        loss = recipe.weight_pde * self._residual(module, q, rng)
+        return loss + recipe.weight_bc * self._boundary(module, q, rng) if recipe.inputs == "raw" else loss
+
+    def _interior(self, q: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 2) and their configurations (N, n): near the robot, and anywhere."""
+        recipe = self.recipe
+        each = -(-recipe.batch // len(q))
+        points = clear_points(self.robot_name, q, each, rng, recipe.clearance, recipe.band)  # (B, k, 2)
+        anywhere = clear_points(self.robot_name, q, each, rng, recipe.clearance)
+        near = rng.uniform(size=points.shape[:2]) < recipe.near_share
+        points = np.where(near[..., None], points, anywhere)
+        return points.reshape(-1, 2)[: recipe.batch], np.repeat(q, each, axis=0)[: recipe.batch]
+
+    def _residual(self, module, q, rng) -> torch.Tensor:
+        points, rows = self._interior(q, rng)
+        distance = robot_distance(self.robot_name, points[:, None], rows)[:, 0]
+        slowness = self._tensor(1 / self.speed.speed(distance))
+        p = self._tensor(points).requires_grad_()
+        T = self.geometry.time(module, p, self._tensor(rows))
+        (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
+        steepness = torch.sqrt((slope * slope).sum(1) + 1e-12)
+        residual = steepness / slowness - 1 if self.recipe.scaled else steepness - slowness
+        return (residual * residual).mean()
+
+    def _boundary(self, module, q, rng) -> torch.Tensor:
+        """Mean of T^2 on the circle, which the factorised form keeps at 0 by itself."""
+        count, robot = self.recipe.boundary, get_robot(self.robot_name)
+        angle, rows = rng.uniform(0, 2 * np.pi, count), q[rng.integers(len(q), size=count)]
+        points = robot.workspace_radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        points[:, : robot.base_dof] += rows[:, : robot.base_dof]
+        T = self.geometry.time(module, self._tensor(points), self._tensor(rows))
+        return (T * T).mean()

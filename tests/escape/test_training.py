@@ -1,0 +1,285 @@
+"""Training of escape fields: every recipe runs, repeats itself and survives a kill; its parts obey their laws."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from piec_envs.errors import InvalidParameterError, UnknownNameError, WeightsError  # noqa: E402
+from piec_envs.escape import SpeedModel, make_field  # noqa: E402
+from piec_envs.escape.network import NetworkField  # noqa: E402
+from piec_envs.escape.samples import draw_configurations, robot_distance  # noqa: E402
+from piec_envs.escape.training import RECIPES, get_recipe, heldout, sampling, train_field, trainer  # noqa: E402
+from piec_envs.escape.training.checkpoint import read_checkpoint  # noqa: E402
+from piec_envs.escape.training.lookahead import Paths, even_directions  # noqa: E402
+from piec_envs.escape.training.recipes import Bellman, Fitted, Labelled, Residual  # noqa: E402
+from piec_envs.escape.training.reference import FieldModule  # noqa: E402
+from piec_envs.escape.training.residual import ResidualLoss  # noqa: E402
+from piec_envs.escape.training.trainer import Training, learning_rate  # noqa: E402
+from piec_envs.escape.weights import FieldWeights, input_count  # noqa: E402
+from piec_envs.world.robots import get_robot  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+ARM, R, U_BAR = "planar_arm", 1.4, 0.05
+SMALL = {"width": 8, "depth": 2, "iterations": 5, "batch": 32, "learning_rate": 0.01}
+KINDS = {
+    Residual: {"configurations": 8, "boundary": 8},
+    Fitted: {"configurations": 6, "points": 8},
+    Labelled: {"resolution": 40},
+    Bellman: {"directions": 4, "first_directions": 8, "descent_steps": 4, "last_factor": 2},
+}
+
+
+def settings_of(name, **changes):
+    """Numbers that make a recipe of the table tiny."""
+    recipe, found = RECIPES[name], dict(SMALL)
+    for kind, numbers in KINDS.items():
+        found.update(numbers if isinstance(recipe, kind) else {})
+    if isinstance(recipe, Bellman):
+        found.update(rounds=min(recipe.rounds, 1), lengths=recipe.lengths[::2])
+    return {**found, **changes}
+
+
+def tiny(name, **changes):
+    return dataclasses.replace(RECIPES[name], **settings_of(name, **changes))
+
+
+def assert_equal(found, true):
+    for name, array in true.arrays.items():
+        np.testing.assert_array_equal(found.arrays[name], array, err_msg=name)
+
+
+@pytest.fixture(autouse=True)
+def small_machine(monkeypatch):
+    """One torch thread, since sums depend on their number, and a small held-out set."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    for name, value in {"CONFIGURATIONS": 3, "POINTS": 10, "RESOLUTION": 40}.items():
+        monkeypatch.setattr(heldout, name, value)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_goes_on_from_every_stop_to_the_weights_of_an_unbroken_run(name, tmp_path):
+    recipe, file = tiny(name), tmp_path / "a.checkpoint.npz"
+    unbroken = Training(recipe, ARM, 3, threads=1).run(progress=False)
+    total = sum(Training(recipe, ARM, 3, threads=1).loss.lengths)
+    for stop in (1, 3, 5, 7, 10, 14, total):
+        training = Training(recipe, ARM, 3, file, threads=2)
+        weights = training.run(progress=False, stop_at=stop)
+        assert training.iteration == min(stop, total)
+    assert_equal(weights, unbroken)
+    assert weights.record["held_out"] == unbroken.record["held_out"]
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+    assert_equal(Training(recipe, ARM, 3, file).run(progress=False), unbroken)  # nothing is left to do
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_lessens_its_loss_and_repeats_itself(name):
+    recipe = tiny(name, iterations=60, batch=128)
+    first, again = (train_field(recipe, ARM, 1, progress=False, threads=threads) for threads in (1, 2))
+    assert_equal(again, first)
+    other = train_field(dataclasses.replace(recipe, iterations=1), ARM, 2, progress=False)
+    assert not np.array_equal(other.arrays["w_in"], first.arrays["w_in"])
+    loss = [row["loss"] for row in first.record["held_out"]]
+    assert np.mean(loss[-3:]) < 0.9 * loss[0]
+    assert all(np.isfinite(array).all() for array in first.arrays.values())
+    assert first.recipe["method"] == type(recipe).__name__ and first.seed == 1 and first.robot == ARM
+
+
+KILLED = """
+import dataclasses, json, os, signal, sys
+import torch
+torch.set_num_threads(1)
+from piec_envs.escape.training import RECIPES, train_field, trainer
+name, settings, file, write = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], trainer.write_checkpoint
+settings["lengths"] = tuple(settings["lengths"])
+trainer.CHECKPOINT_SECONDS = 0.0
+def write_and_die(path, training):
+    write(path, training)
+    if training.iteration == 8:
+        os.kill(os.getpid(), signal.SIGKILL)
+trainer.write_checkpoint = write_and_die
+train_field(dataclasses.replace(RECIPES[name], **settings), "planar_arm", 5, file, threads=1, progress=False)
+"""
+
+
+def test_a_training_killed_in_the_middle_of_a_round_ends_with_the_same_weights(tmp_path):
+    file = tmp_path / "new" / "field.npz"
+    command = [sys.executable, "-c", KILLED, "pinn", json.dumps(settings_of("pinn")), str(file)]
+    done = subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert [path.name for path in file.parent.iterdir()] == ["field.checkpoint.npz"]
+    weights = train_field(tiny("pinn"), ARM, 5, file, progress=False)
+    assert_equal(weights, train_field(tiny("pinn"), ARM, 5, progress=False))
+    assert_equal(FieldWeights.load(file), weights)
+    assert {path.name for path in file.parent.iterdir()} == {"field.npz", "field.json"}
+
+
+def test_another_trainings_or_a_broken_checkpoint_is_refused(tmp_path, random_weights):
+    file, recipe = tmp_path / "a.npz", tiny("pinn")
+    training = Training(recipe, ARM, 0, file, threads=1)
+    training.run(progress=False, stop_at=7)
+    for other in ((tiny("pinn", width=4), ARM, 0), (tiny("network"), ARM, 0), (recipe, ARM, 1)):
+        with pytest.raises(WeightsError, match=r"another training.*move it away"):
+            Training(*other, file, threads=1)
+    elsewhere = Training(recipe, ARM, 0, threads=1)
+    elsewhere.robot_name = "another_arm"
+    with pytest.raises(WeightsError, match="belongs to another training"):
+        read_checkpoint(file, elsewhere)
+    good, rng = file.read_bytes(), np.random.default_rng(0)
+    for bad in (b"", b"nothing", good[:100], good[:-100], random_weights().save(tmp_path / "w.npz").read_bytes()):
+        file.write_bytes(bad)
+        with pytest.raises(WeightsError, match=r"is no checkpoint, or is broken.*move it away"):
+            Training(recipe, ARM, 0, file, threads=1)
+    for _ in range(50):
+        damaged = bytearray(good)
+        damaged[rng.integers(len(good))] ^= rng.integers(1, 256)
+        file.write_bytes(damaged)
+        try:
+            read_checkpoint(file, training)
+        except WeightsError as error:
+            assert "a.npz" in str(error)
+
+
+def test_what_cannot_be_trained_is_refused(tmp_path):
+    with pytest.raises(UnknownNameError, match="Did you mean 'pinn'"):
+        get_recipe("pin")
+    with pytest.raises(UnknownNameError, match="planar_arm"):
+        train_field(tiny("pinn"), "planar_leg")
+    for device in ("quantum", "cuda:99"):
+        with pytest.raises(InvalidParameterError, match=device):
+            train_field(tiny("pinn"), device=device)
+    for choice in ({"seed": -1}, {"seed": 0.5}, {"threads": 0}):
+        with pytest.raises(InvalidParameterError, match=next(iter(choice))):
+            train_field(tiny("pinn"), **choice)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("network", {"width": 6}),
+        ("network", {"depth": 0}),
+        ("network", {"iterations": 1.5}),
+        ("network", {"points": 0}),
+        ("network", {"learning_rate": -1.0}),
+        ("network", {"learning_rate": np.nan}),
+        ("pinn", {"rounds": -1}),
+        ("pinn", {"lengths": ()}),
+        ("pinn", {"lengths": (0.2, 0.1)}),
+        ("pinn", {"lengths": (0.0, 0.1)}),
+        ("pinn", {"line_step": 0.0}),
+        ("pinn-paper", {"boundary": 0}),
+        ("pinn-paper", {"band": 0.03}),
+    ],
+    ids=str,
+)
+def test_numbers_with_which_nothing_can_be_trained_are_refused(name, changes):
+    with pytest.raises(InvalidParameterError, match=next(iter(changes))):
+        dataclasses.replace(RECIPES[name], **changes)
+    with pytest.raises(UnknownNameError, match="cosine, halving"):
+        dataclasses.replace(RECIPES[name], schedule="linear")
+
+
+def test_learning_rates_fall():
+    cosine, halving = RECIPES["network"], RECIPES["pinn-paper"]
+    rates = [learning_rate(cosine, k, 100) for k in range(100)]
+    assert rates[0] == cosine.learning_rate and (np.diff(rates) < 0).all() and rates[-1] > 0
+    assert learning_rate(halving, 1999, 20_000) == 1e-3 and learning_rate(halving, 4000, 20_000) == 2.5e-4
+
+
+def test_training_points_keep_their_distance(monkeypatch):
+    rng = np.random.default_rng(0)
+    q, points = sampling.training_set(ARM, 30, 20, rng)
+    robot = get_robot(ARM)
+    assert q.shape == (30, 4) and points.shape == (30, 20, 2)
+    assert (q >= robot.joint_array("lower")).all() and (q <= robot.joint_array("upper")).all()
+    assert (np.hypot(*points.transpose(2, 0, 1)) < R).all() and (robot_distance(ARM, points, q) >= 0).all()
+    band = robot_distance(ARM, sampling.clear_points(ARM, q, 20, rng, 0.031, 0.1), q)
+    assert band.min() >= 0.031 and band.max() <= 0.1
+    recipe = dataclasses.replace(RECIPES["pinn-paper"], batch=300)
+    inner, rows = ResidualLoss(recipe, ARM, SpeedModel(), 0, "cpu")._interior(q, rng)
+    distance = robot_distance(ARM, inner[:, None], rows)
+    assert len(inner) == 300 and distance.min() >= recipe.clearance
+    assert np.mean(distance <= recipe.band) == pytest.approx(recipe.near_share, abs=0.03)
+    monkeypatch.setattr(sampling, "MAX_DRAWS", 20)
+    with pytest.raises(InvalidParameterError, match="hardly any point"):
+        sampling.clear_points(ARM, q, 5, rng, 3.0)
+
+
+@pytest.fixture
+def paths(random_weights):
+    """Look-aheads with a network that knows little."""
+    return Paths(ARM, NetworkField(ARM, random_weights(rise=0.2), threads=1), tiny("pinn", descent_steps=80))
+
+
+def test_lines_in_free_space_take_their_length_over_the_speed(paths):
+    q = np.tile([0.0, 2.5, 2.5, 2.5], (40, 1))  # curled up near the base
+    angle = np.linspace(0, 2 * np.pi, 40)
+    points = np.column_stack([np.cos(angle), np.sin(angle)])  # 0.4 m from the circle
+    ends, times = paths.lines(q, points, points[:, None], [0.1, 0.3, 3.0])
+    expected = np.broadcast_to([0.1, 0.3, R - 1.0], times.shape)
+    np.testing.assert_allclose(times, expected / U_BAR, rtol=1e-4)
+    np.testing.assert_allclose(np.hypot(*ends.transpose(2, 0, 1)), 1 + expected, rtol=1e-8)
+    assert (paths.field.query(ends[:, 2:], q) == 0).all()
+
+
+def test_lines_among_the_links_take_the_integral_of_the_slowness(paths):
+    rng = np.random.default_rng(1)
+    q, points = sampling.training_set(ARM, 40, 1, rng)
+    directions = even_directions(rng, 40, 3)
+    ends, times = paths.lines(q, points[:, 0], directions, [0.3])
+    share = (np.arange(4000) + 0.5) / 4000
+    along = points[:, :, None] + share[:, None] * (ends - points)[:, :, None]  # (40, 3, 4000, 2)
+    distance = robot_distance(ARM, along.reshape(40, -1, 2), q).reshape(40, 3, -1)
+    true = np.linalg.norm(ends - points, axis=-1) * (1 / SpeedModel().speed(distance)).mean(axis=-1)
+    np.testing.assert_allclose(times, true, rtol=0.06)  # where a line grazes the wall, steps of 2 mm count
+    assert np.median(np.abs(times / true - 1)) < 0.003
+
+
+def test_targets_of_paths_bound_the_time_from_above(paths):
+    rng = np.random.default_rng(2)
+    q, points = sampling.training_set(ARM, 60, 10, rng)
+    true = make_field("grid", resolution=160, method="marching").query(points, q).ravel()
+    reachable = np.isfinite(make_field("grid", speed={"leak": 0.0}).query(points, q)).ravel()
+    q, points = np.repeat(q, 10, axis=0), points.reshape(-1, 2)
+    straight, descent = paths.straight_out(q, points, rng), paths.descend(q, points)
+    assert reachable.mean() > 0.5 and np.isfinite(straight).all() and np.isfinite(descent).mean() > 0.5
+    for bound in (straight, descent):
+        assert (bound[reachable] >= 0.98 * true[reachable]).all()
+    assert np.median(straight[reachable] / true[reachable]) < 1.2
+
+
+def test_the_residual_of_the_free_field_is_zero_far_from_the_robot():
+    recipe = dataclasses.replace(tiny("pinn-factorised"), clearance=0.4, band=0.8, batch=200)
+    module = FieldModule(input_count(ARM, "skeleton"), 8, 2)
+    with torch.no_grad():
+        for parameter in module.parameters():
+            parameter.zero_()
+        module.out.bias.fill_(-100.0)  # T = T_0
+    rng = np.random.default_rng(3)
+    q = draw_configurations(ARM, "curled", 8, rng)
+    for scaled, most in ((True, 1e-9), (False, 400e-9)):
+        loss = ResidualLoss(dataclasses.replace(recipe, scaled=scaled), ARM, SpeedModel(), 0, "cpu")
+        assert float(loss._residual(module, q, rng).detach()) < most
+    near = dataclasses.replace(recipe, clearance=0.031, band=0.1, near_share=1.0)
+    assert float(ResidualLoss(near, ARM, SpeedModel(), 0, "cpu")._residual(module, q, rng).detach()) > 0.01
+
+
+def test_checkpoints_are_written_now_and_then(tmp_path, monkeypatch):
+    written = []
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(trainer, "write_checkpoint", lambda path, training: written.append(training.iteration))
+    train_field(tiny("network"), file=tmp_path / "a.npz", progress=False)
+    assert written == [1, 2, 3, 4, 5, 5]
