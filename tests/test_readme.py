@@ -37,7 +37,9 @@ def test_the_quick_start_is_short_and_parses():
     assert len([line for line in code[1].splitlines() if line.strip()]) <= 12
 
 
-@pytest.mark.parametrize("source", ["results/planar-disturbance/table.md", "results/bench.md"])
+@pytest.mark.parametrize(
+    "source", ["results/planar-disturbance/table.md", "results/field-accuracy/table.md", "results/bench.md"]
+)
 def test_numbers_stand_in_the_recorded_tables(source):
     """Each row that the README quotes is a part of a row of the recorded table."""
     quoted = re.search(rf"<!-- from {re.escape(source)} -->\n\n(.*?)\n\n", TEXT, re.DOTALL)

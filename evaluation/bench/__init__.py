@@ -12,8 +12,9 @@ from tqdm import tqdm
 
 from evaluation.bench.base import QUICK, Row, Sizes
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
+from evaluation.bench.fields import network_queries
 from evaluation.bench.kernels import contact_step, escape_fields, slowest_steps
-from evaluation.bench.planning import full_plans
+from evaluation.bench.planning import full_plans, static_caging
 from piec_envs.parallel import available_threads
 from piec_envs.versions import versions
 
@@ -36,6 +37,8 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "vector steps": vector_steps,
         "single step": single_step,
         "escape fields": escape_fields,
+        "learned field": network_queries,
+        "static caging": static_caging,
         "full plans": partial(full_plans, progress=progress),
         "rollouts": rollout_threads,
     }

@@ -3,6 +3,7 @@
 from evaluation.figures.animation import animate_rollouts
 from evaluation.figures.base import MODES, Mode, Trajectory
 from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
+from evaluation.figures.fields import RelativeError, error_map, field_comparison
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
 from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, value_dots
 from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
@@ -12,11 +13,14 @@ __all__ = [
     "Mode",
     "ObstaclePanel",
     "PosturePanel",
+    "RelativeError",
     "Trajectory",
     "animate_rollouts",
     "contact_fractions",
     "distance_bands",
+    "error_map",
     "escape_times",
+    "field_comparison",
     "field_strip",
     "final_distances",
     "keyframes",

@@ -14,6 +14,7 @@ import numpy as np
 from evaluation.tables import write_atomic
 from piec_envs.dynamics.base import CONTROL_PERIOD
 from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.rendering.drawing import INK, link_outlines
 from piec_envs.world.objects import Object, get_object
 from piec_envs.world.robots import Robot, get_robot
@@ -21,8 +22,10 @@ from piec_envs.world.robots import Robot, get_robot
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 DPI = 150
+CAGING = f"caging = {CAGING_SCALE:g} T"  # label of colour bars
 GREY = "#8b91a0"
 NOMINAL, MEAN = "#2f6fb7", "#c9302c"  # object paths without disturbance, and mean of the disturbed ones
 
@@ -192,6 +195,25 @@ def show_scene(ax: Axes, box: np.ndarray) -> None:
     ax.set_aspect("equal")
     ax.set_xlim(*box[0])
     ax.set_ylim(*box[1])
+
+
+def colour_bar(
+    figure: Figure, image: AxesImage, axes: Sequence[Axes] | np.ndarray, label: str, extend: Any = "max"
+) -> None:
+    """One colour bar at the right of several axes.
+
+    Args:
+        figure: or subfigure.
+        image: whose colours it explains.
+        axes: beside which it stands, of any shape.
+        label: what the colours mean.
+        extend: the ends beyond which values may lie: "neither", "min", "max" or "both".
+    """
+    axes = np.asarray(axes)
+    rows = 1 if axes.ndim == 1 else len(axes)
+    bar = figure.colorbar(image, ax=axes, shrink=0.8 / rows**0.5, aspect=22 * rows**0.5, pad=0.01, extend=extend)
+    bar.set_label(label, fontsize=8.5)
+    bar.outline.set_visible(False)
 
 
 def mix(colour: str, other: str, share: float) -> tuple[float, float, float]:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import figure_file, show_scene
-from piec_envs.escape.grid import FieldMap
+from piec_envs.escape.base import FieldMap
 from piec_envs.rendering.drawing import INK, OBJECT, draw_escape_circle, draw_escape_path, union_patch
-from piec_envs.rendering.field import carried_into_wall, field_colours
+from piec_envs.rendering.field import carried_into_wall, draw_nodes, field_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,10 +161,7 @@ def draw_speed(ax: Axes, panel: ObstaclePanel) -> AxesImage:
 
 def _show(ax: Axes, panel: ObstaclePanel, values: np.ndarray, **style: Any) -> AxesImage:
     """An image over the grid, cut off at the escape circle, which is drawn as well."""
-    x, y = panel.field_map.x, panel.field_map.y
-    half = 0.5 * (x[1] - x[0])
-    extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
-    image = ax.imshow(values, extent=extent, origin="lower", interpolation="nearest", zorder=1, **style)
+    image = draw_nodes(ax, panel.field_map.x, panel.field_map.y, values, **style)
     image.set_clip_path(draw_escape_circle(ax, np.zeros(2), panel.radius))
     return image
 

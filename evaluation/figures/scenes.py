@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import GREY, MEAN, NOMINAL, Trajectory, bounds, figure_file, mix, mode_of, show_scene
+from evaluation.figures.base import (
+    CAGING,
+    GREY,
+    MEAN,
+    NOMINAL,
+    Trajectory,
+    bounds,
+    colour_bar,
+    figure_file,
+    mix,
+    mode_of,
+    show_scene,
+)
 from piec_envs.escape.field import CAGING_SCALE, object_escape_time
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import (
@@ -222,14 +234,8 @@ def field_strip(trajectory: Trajectory, path: str | os.PathLike, steps: Sequence
     with figure_file(path, side * len(shown) + 0.6, side + 0.25) as figure:
         axes = np.ravel(figure.subplots(1, len(shown)))
         images = [draw_field_panel(ax, trajectory, step) for ax, step in zip(axes, shown, strict=True)]
-        _colour_bar(figure, images[-1], axes)
+        colour_bar(figure, images[-1], axes, CAGING)
     return Path(path)
-
-
-def _colour_bar(figure: Figure, image: AxesImage, axes: Sequence[Axes] | np.ndarray) -> None:
-    bar = figure.colorbar(image, ax=list(axes), shrink=0.8, aspect=22, pad=0.01, extend="max")
-    bar.set_label(f"caging = {CAGING_SCALE:g} T", fontsize=8.5)
-    bar.outline.set_visible(False)
 
 
 def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajectory | None = None) -> Path:
@@ -258,5 +264,5 @@ def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajec
             show_scene(ax, box)
         axes = np.ravel(lower.subplots(1, columns))
         images = [draw_field_panel(ax, strip, s) for ax, s in zip(axes, strip_steps(strip, columns), strict=True)]
-        _colour_bar(lower, images[-1], axes)
+        colour_bar(lower, images[-1], axes, CAGING)
     return Path(path)

@@ -39,6 +39,11 @@ STUDIES = {
             "the escape time of a point mass in a square annulus (paper, section 3.4)",
         ),
         Study(
+            "field-accuracy",
+            "evaluation.studies.field_accuracy",
+            "how good the learned escape fields are, beside exact ones (paper, section 4.6)",
+        ),
+        Study(
             "planar-caging",
             "evaluation.studies.planar_caging",
             "which postures enclose an object, by CMA-ES and SQP (paper, section 4.6)",

@@ -70,7 +70,7 @@ class Settings:
         judge: nodes a side of the judging grid.
     """
 
-    fields: tuple[str, ...] = ("grid",)
+    fields: tuple[str, ...] = ("grid", "network")
     object: str = "three_discs"
     poses: tuple[int, ...] = (0, 1, 2, 3, 4)
     starts: int = 10
@@ -80,7 +80,7 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls(poses=(0,), starts=2, methods=SMOKE_METHODS, judge=48)
+        return cls(fields=("network",), poses=(0,), starts=2, methods=SMOKE_METHODS, judge=48)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:

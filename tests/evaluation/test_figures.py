@@ -14,10 +14,14 @@ import pytest
 from evaluation import figures
 from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
 from evaluation.figures.base import MODES, bounds, mode_of
+from evaluation.figures.fields import RelativeError, view
 from evaluation.figures.scenes import keyframe_steps, strip_steps
 from evaluation.studies.annulus import Annulus
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
+from piec_envs.escape.grid import GridField
 from piec_envs.escape.obstacle import ObstacleField
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.world.robots import get_robot
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS, ROLLOUTS = 60, 7
@@ -53,6 +57,11 @@ PANEL = figures.ObstaclePanel(
     paths=(SOLVED.escape_path(np.zeros(2)),),
 )
 
+EXACT, COARSE = GridField(resolution=64, threads=1), GridField(resolution=32, threads=1)
+FIELDS = {"exact": EXACT, "coarse": COARSE}
+CURLED = np.array([[0.1, 1.15, 1.89, 1.29], [1.9, -0.81, -2.18, -0.96]])
+WITHIN = np.array([[0.34, 0.28], [0.05, 0.43]])
+
 DRAW = {
     "keyframes": lambda path: figures.keyframes(PLANS, path),
     "trajectories": lambda path: figures.trajectories(PLANS, path),
@@ -65,6 +74,8 @@ DRAW = {
     "distance_bands": lambda path: figures.distance_bands(SWEEP, path),
     "final_distances": lambda path: figures.final_distances(FINAL, path),
     "escape_times": lambda path: figures.escape_times([PANEL], path),
+    "field_comparison": lambda path: figures.field_comparison(FIELDS, CURLED, WITHIN, path),
+    "error_map": lambda path: figures.error_map(EXACT, {"coarse": COARSE}, CURLED, path),
 }
 
 
@@ -77,7 +88,7 @@ def test_figure_is_written(name, tmp_path):
     assert [file.name for file in path.parent.iterdir()] == [path.name]  # no temporary file is left
 
 
-@pytest.mark.parametrize("name", ["trajectories", "final_distances", "escape_times"])
+@pytest.mark.parametrize("name", ["trajectories", "final_distances", "escape_times", "field_comparison", "error_map"])
 def test_figures_repeat_bit_for_bit(name, tmp_path):
     first, second = (DRAW[name](tmp_path / f"{k}.png").read_bytes() for k in range(2))
     assert first == second
@@ -96,6 +107,12 @@ def test_figures_repeat_bit_for_bit(name, tmp_path):
 )
 def test_one_panel_is_enough(draw, data, tmp_path):
     assert draw(data, tmp_path / "one.png").is_file()
+
+
+def test_one_field_shown_whole_is_enough(tmp_path):
+    path = tmp_path / "one.png"
+    assert figures.field_comparison({"exact": EXACT}, CURLED[:1], WITHIN[:1], path, near=None).is_file()
+    assert figures.error_map(EXACT, FIELDS, CURLED[:1], path, near=None).is_file()
 
 
 def test_single_curves_need_no_band(tmp_path):
@@ -125,6 +142,34 @@ def test_enclosed_points_stay_without_colour():
     assert not PANEL.open and np.isinf(PANEL.time).any()
     assert np.isinf(PANEL.time).sum() > np.isinf(PANEL.field_map.T[PANEL.field_map.speed == 1]).sum()
     assert PANEL.longest == SOLVED.solve().T[np.isfinite(SOLVED.solve().T)].max()
+
+
+@pytest.mark.parametrize("near", [None, 0.5])
+def test_error_of_a_slower_world_is_even(near):
+    slower = GridField(resolution=64, speed=SpeedModel(u_bar=0.05 / 1.02), threads=1)
+    error = RelativeError.between(EXACT, slower, CURLED[0], near)
+    np.testing.assert_allclose(error.percent[error.counted], 2.0, rtol=1e-6)
+    assert [error.median, error.p95, error.largest] == pytest.approx([2.0, 2.0, 2.0])
+    assert (error.percent[np.hypot(*np.meshgrid(error.x, error.y)) >= 1.4] == 0).all()
+
+
+def test_error_counts_free_nodes_in_view():
+    robot = get_robot("planar_arm")
+    whole, close = (RelativeError.between(EXACT, COARSE, CURLED[0], near) for near in (None, 0.4))
+    (x_min, x_max), (y_min, y_max) = view(robot, CURLED[0], 0.4)
+    x, y = np.meshgrid(close.x, close.y)
+    inside = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
+    assert np.array_equal(close.counted, whole.counted & inside)
+    assert whole.distance[whole.counted].min() > 0.05 and 0 < close.counted.sum() < whole.counted.sum()
+    assert 0 < whole.p95 < close.p95 < close.largest <= whole.largest  # free space far from the robot has no error
+
+
+def test_error_leaves_out_what_is_enclosed():
+    hard = GridField(resolution=64, speed=SpeedModel(leak=0.0), threads=1)
+    q = np.array([2.14, -1.67, -1.67, -0.96])
+    error = RelativeError.between(hard, EXACT, q)
+    enclosed = np.isinf(hard.solve(q).T) & (error.distance > 0.05)
+    assert enclosed.any() and not np.isfinite(error.percent[enclosed]).any() and not error.counted[enclosed].any()
 
 
 def test_modes_differ_in_colour_strangers_too():

@@ -1,0 +1,69 @@
+"""How well an escape field does on the held-out sets, and how fast."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.stats import rankdata, spearmanr
+
+from evaluation.field_sets import HARD_RATIO, PointSet
+from piec_envs.escape.field import EscapeField
+
+LEAST_SLOPE = 0.5  # s/rad, of the exact |dT/dq| where a cosine means something
+GRADIENT_POINTS = 100  # of each configuration of H
+
+Query = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+def errors(query: Query, chosen: PointSet, only_hard: bool = False) -> dict[str, float]:
+    """Relative error of T on a set: median, mean and 95th percentile."""
+    error = np.abs(query(chosen.points, chosen.q) - chosen.T) / chosen.T
+    if only_hard:
+        error = error[chosen.T / chosen.bound > HARD_RATIO]
+    return {"median": float(np.median(error)), "mean": float(error.mean()), "p95": float(np.percentile(error, 95))}
+
+
+def rank_over_points(query: Query, chosen: PointSet) -> float:
+    """Spearman correlation with the truth over the points of each configuration, mean over configurations."""
+    found = query(chosen.points, chosen.q)
+    return float(np.mean([spearmanr(a, b).statistic for a, b in zip(found, chosen.T, strict=True)]))
+
+
+def rank_over_configurations(query: Query, chosen: PointSet) -> float:
+    """Spearman correlation with the truth at one point over configurations; 0 for a field without any."""
+    found = query(chosen.points, chosen.q)[:, 0]
+    return 0.0 if np.ptp(found) == 0 else float(spearmanr(found, chosen.T[:, 0]).statistic)
+
+
+def enclosure_auc(query: Query, chosen: PointSet) -> float:
+    """Probability that an enclosed configuration gets a larger T than one with a way out (ties count half)."""
+    found, enclosed = query(chosen.points, chosen.q)[:, 0], ~chosen.reachable[:, 0]
+    ranks, count = rankdata(found), int(enclosed.sum())
+    others = len(found) - count
+    return float((ranks[enclosed].sum() - count * (count + 1) / 2) / (count * others))
+
+
+def gradient_cosine(field: EscapeField, exact: EscapeField, chosen: PointSet) -> float:
+    """Median cosine of dT/dq with the exact one, at reachable points that feel the arm."""
+    points = chosen.points[:, :GRADIENT_POINTS]
+    found, true = field.gradients(points, chosen.q)[2], exact.gradients(points, chosen.q)[2]
+    length = np.linalg.norm(true, axis=-1)
+    felt = chosen.reachable[:, :GRADIENT_POINTS] & (length > LEAST_SLOPE)
+    product = np.linalg.norm(found, axis=-1) * length
+    return float(np.median(((found * true).sum(-1) / np.maximum(product, 1e-12))[felt]))
+
+
+def query_microseconds(query: Query, chosen: PointSet, batch: int, seconds: float = 0.5) -> float:
+    """Time of one point in batches of one point for each configuration, the least of many, us."""
+    rng = np.random.default_rng(0)
+    rows = rng.integers(len(chosen.q), size=batch)
+    q, points = chosen.q[rows], chosen.points[rows, rng.integers(chosen.points.shape[1], size=batch)][:, None]
+    query(points, q)
+    best, end = np.inf, time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        begin = time.perf_counter()
+        query(points, q)
+        best = min(best, time.perf_counter() - begin)
+    return 1e6 * best / batch

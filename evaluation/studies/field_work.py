@@ -1,0 +1,170 @@
+"""The pieces of work of the study `field-accuracy`: held-out sets, fields, and the scores of one field."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from evaluation.field_scores import (
+    enclosure_auc,
+    errors,
+    gradient_cosine,
+    query_microseconds,
+    rank_over_configurations,
+    rank_over_points,
+)
+from evaluation.field_sets import (
+    RESOLUTION,
+    PointSet,
+    curled_set,
+    exact_field,
+    least_time,
+    plan_set,
+    ranking_set,
+    thinned,
+    uniform_set,
+)
+from evaluation.jobs import Context
+from evaluation.studies import PUSH
+from evaluation.studies.work import get_plan, plan_spec
+from piec_envs.errors import WeightsError
+from piec_envs.escape.base import BatchedField
+from piec_envs.escape.grid import GridField
+from piec_envs.escape.network import NetworkField
+from piec_envs.escape.speed import SpeedModel
+from piec_envs.escape.training import get_recipe, train_field
+from piec_envs.escape.weights import FieldWeights, array_digest, has_weights, shipped_file
+from piec_envs.world.objects import get_object
+from planners import CagingProblem, CmaEsConfiguration
+
+CAGE = "piec_envs/PlanarArmCage-v0"
+OBJECT = "three_discs"  # of the static caging problems
+CAGE_SEED = 30_100  # of the poses of these problems, and of their starts
+SET_KNOBS = ("robot", "rows", "points", "ranking", "planner", "planner_seeds")
+FINE_SETS = ("P", "C")
+
+
+def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
+    """Score one field on the held-out sets, or on points of the finest grid."""
+    knobs = json.dumps({name: spec[name] for name in SET_KNOBS})
+    sets = held_out_sets(knobs, context)
+    if spec["field"]["kind"] == "bound":
+        robot_name = spec["robot"]
+        return _errors(lambda points, q: least_time(robot_name, points), sets)
+    chosen = load_field(spec["field"], spec, seed, context)
+    if spec["work"] == "fine":
+        return _fine_errors(chosen, fine_sets(knobs, spec["fine"], spec["fine_points"], context))
+    exact = exact_field(spec["robot"], context.threads)
+    seconds = chosen.weights.record["seconds"] if isinstance(chosen, NetworkField) else None
+    single = load_field(spec["field"], spec, seed, dataclasses.replace(context, threads=1))
+    return {
+        **_errors(chosen.query, sets),
+        "cosine": gradient_cosine(chosen, exact, sets["H"]),
+        **_cages(chosen, exact, spec),
+        "seconds": seconds,
+        "us_5000": query_microseconds(single.query, sets["U"], 5000),
+        "us_50": query_microseconds(single.query, sets["U"], 50),
+    }
+
+
+@lru_cache(maxsize=1)
+def held_out_sets(knobs: str, context: Context) -> dict[str, PointSet]:
+    """The sets H, U, C and P for some knobs of the study, as JSON."""
+    given = json.loads(knobs)
+    robot_name, threads = given["robot"], context.threads
+    return {
+        "H": curled_set(robot_name, given["rows"], given["points"], threads),
+        "U": uniform_set(robot_name, given["rows"], given["points"], threads),
+        "C": ranking_set(robot_name, given["ranking"], threads),
+        "P": plan_set(robot_name, _plan_states(given, context), get_object("circle").key_points, threads),
+    }
+
+
+def _plan_states(given: dict[str, Any], context: Context) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Poses and joint positions along the nominal execution of each caging plan."""
+    cache = dataclasses.replace(context, folder=str(Path(context.folder).parent))  # plans that studies share
+    env: Any = gym.make(PUSH, escape_field=None, disable_env_checker=True).unwrapped
+    env.reset(seed=0)
+    states = []
+    for seed in given["planner_seeds"]:
+        plan = get_plan(plan_spec(PUSH, {}, {"objective": "caging", **given["planner"]}), seed, cache)
+        motion = env.rollout(env.get_state(), path=plan.path[None, 1:]).motion
+        states.append((motion.pose[0], motion.q_r[0]))
+    return states
+
+
+def learned_case(robot_name: str, recipe: str) -> dict[str, Any]:
+    """What makes a learned field: how it is trained, and the very weights if they ship."""
+    case = {"kind": "learned", "recipe": recipe, "settings": get_recipe(recipe).described()}
+    if has_weights(robot_name, recipe):
+        case["weights"] = array_digest(FieldWeights.load(shipped_file(robot_name, recipe)).arrays)
+    return case
+
+
+def load_field(case: dict[str, Any], spec: dict[str, Any], seed: int, context: Context) -> BatchedField:
+    """The field of a case; one whose weights neither ship nor lie in the study's folder is trained first."""
+    robot_name = spec["robot"]
+    if case["kind"] == "grid":
+        return GridField(robot_name, case["nodes"], case["method"], threads=context.threads)
+    recipe = case["recipe"]
+    if has_weights(robot_name, recipe):
+        return NetworkField(robot_name, recipe, context.threads)
+    file = Path(context.folder) / "fields" / shipped_file(robot_name, recipe).name
+    try:
+        weights = FieldWeights.load(file)
+    except WeightsError:
+        weights = None
+    if weights is None or weights.recipe != get_recipe(recipe).described():
+        weights = train_field(recipe, robot_name, seed, file, threads=context.threads, progress=context.progress)
+    return NetworkField(robot_name, weights, context.threads)
+
+
+def _errors(query, sets: dict[str, PointSet]) -> dict[str, Any]:
+    return {
+        **{name: errors(query, sets[name]) for name in ("H", "U", "P")},
+        "hard": errors(query, sets["H"], only_hard=True),
+        "rank_points": rank_over_points(query, sets["H"]),
+        "rank_c": rank_over_configurations(query, sets["C"]),
+        "auc": enclosure_auc(query, sets["C"]),
+    }
+
+
+def _fine_errors(chosen: BatchedField, sets: dict[str, PointSet]) -> dict[str, Any]:
+    """Errors against the finest grid, for reachable and enclosed points."""
+    found: dict[str, Any] = {}
+    for name, few in sets.items():
+        error = np.abs(chosen.query(few.points, few.q) - few.T) / few.T
+        for label, kept in (("reachable", few.reachable), ("enclosed", ~few.reachable)):
+            some = error[kept] if kept.any() else np.array([np.nan])
+            found[f"{name} {label}"] = [int(kept.sum()), float(np.median(some)), float(some.mean())]
+    return found
+
+
+@lru_cache(maxsize=1)
+def fine_sets(knobs: str, nodes: int, count: int, context: Context) -> dict[str, PointSet]:
+    """Some of the held-out sets, thinned, with a finer grid's answers."""
+    fine = GridField(json.loads(knobs)["robot"], nodes, "marching", threads=context.threads)
+    sets = held_out_sets(knobs, context)
+    return {name: thinned(sets[name], count, fine) for name in FINE_SETS}
+
+
+def _cages(chosen: BatchedField, exact: BatchedField, spec: dict[str, Any]) -> dict[str, Any]:
+    """Postures that CMA-ES finds with the field, judged by the exact one."""
+    hard = GridField(spec["robot"], RESOLUTION, "marching", SpeedModel(leak=0.0))
+    env: Any = gym.make(CAGE, object=OBJECT, disable_env_checker=True).unwrapped
+    times, closed = [], 0
+    for start in range(spec["starts"]):
+        pose = env.reset(seed=CAGE_SEED + start)[1]["pose"]
+        problem = CagingProblem(spec["robot"], OBJECT, pose, chosen)
+        posture = CmaEsConfiguration(**spec["optimiser"]).solve(problem, seed=CAGE_SEED + start).posture[None]
+        judge = dataclasses.replace(problem, field=exact)
+        times.append(float(judge.measure(posture).escape_time[0]))
+        inside = hard.query(problem.key_points[None], posture)
+        closed += bool(np.isinf(inside).any() and judge.measure(posture).feasible[0])
+    return {"cages": closed, "starts": spec["starts"], "posture_T": float(np.mean(times))}
