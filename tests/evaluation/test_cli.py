@@ -133,7 +133,7 @@ def test_train_field(piec, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["reproduce", "planar-everything"], "Did you mean 'planar-adversary'?"),
+        (["reproduce", "planar-adversery"], "Did you mean 'planar-adversary'?"),
         (["plan", "--objective", "luck"], "known: adversarial"),
         (["plan", "--planner", "luck=1"], "planner setting"),
         (["plan", "--planner", "iterations=many"], "such as 100"),

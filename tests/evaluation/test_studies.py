@@ -19,7 +19,7 @@ from piec_envs.errors import UnknownNameError
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = {name: study.load().Settings() for name, study in STUDIES.items()}
-PLANNED = [name for name, settings in SETTINGS.items() if hasattr(settings, "planner_seeds")]
+PLANNED = [name for name, settings in SETTINGS.items() if hasattr(settings, "episodes")]
 RUN = "import sys; from evaluation.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
