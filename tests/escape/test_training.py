@@ -127,6 +127,12 @@ def test_a_training_killed_in_the_middle_of_a_round_ends_with_the_same_weights(t
     assert {path.name for path in file.parent.iterdir()} == {"field.npz", "field.json"}
 
 
+@pytest.mark.parametrize("any_robot", ["sliding_arm"], indirect=True)
+def test_a_robot_whose_base_slides_is_refused(any_robot):
+    with pytest.raises(InvalidParameterError, match="slides"):
+        train_field(tiny("network"), any_robot, progress=False)
+
+
 def test_another_trainings_or_a_broken_checkpoint_is_refused(tmp_path, random_weights):
     file, recipe = tmp_path / "a.npz", tiny("pinn")
     training = Training(recipe, ARM, 0, file, threads=1)

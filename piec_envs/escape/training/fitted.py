@@ -69,9 +69,7 @@ class FittedLoss:
         q, points = training_set(self.robot_name, self.recipe.configurations, self.recipe.points, rng)
         field = NetworkField(self.robot_name, weights, self.threads)
         targets = self._targets(number, field, q, points, rng)
-        base = q[:, None, : get_robot(self.robot_name).base_dof]  # a base, where it moves, slides along x and y
-        offset = points if base.shape[2] == 0 else points - base
-        bound = (get_robot(self.robot_name).workspace_radius - np.hypot(*np.moveaxis(offset, -1, 0))) / self.speed.u_bar
+        bound = (get_robot(self.robot_name).workspace_radius - np.hypot(*np.moveaxis(points, -1, 0))) / self.speed.u_bar
         kept = (bound > LEAST_BOUND) & np.isfinite(targets)
         ratio = np.clip(targets[kept] / bound[kept], 1.0, MOST_RATIO)
         self.x = torch.from_numpy(field.describe(points, q)[kept]).to(self.device)

@@ -76,6 +76,5 @@ class ResidualLoss:
         count, robot = self.recipe.boundary, get_robot(self.robot_name)
         angle, rows = rng.uniform(0, 2 * np.pi, count), q[rng.integers(len(q), size=count)]
         points = robot.workspace_radius * np.column_stack([np.cos(angle), np.sin(angle)])
-        points[:, : robot.base_dof] += rows[:, : robot.base_dof]
         T = self.geometry.time(module, self._tensor(points), self._tensor(rows))
         return (T * T).mean()

@@ -21,6 +21,7 @@ from piec_envs.escape.training.recipes import Fitted, Recipe, Residual
 from piec_envs.escape.training.reference import FieldModule
 from piec_envs.escape.training.residual import ResidualLoss
 from piec_envs.escape.weights import FieldWeights, input_count
+from piec_envs.world.robots import get_robot
 
 CHECKPOINT_SECONDS = 30.0
 REPORTS = 20  # held-out errors measured during a training
@@ -49,7 +50,8 @@ class Training:
 
     Raises:
         UnknownNameError: if the robot is not known.
-        InvalidParameterError: if torch cannot use the device, or a number is out of range.
+        InvalidParameterError: if torch cannot use the device, the robot's base slides, or a number is out
+            of range.
         WeightsError: if the checkpoint is broken or another training's.
     """
 
@@ -63,6 +65,10 @@ class Training:
         threads: int | None = None,
     ):
         check_device(device)
+        if get_robot(robot_name).base_dof:
+            raise InvalidParameterError(
+                f"the base of {robot_name!r} slides, and its field moves along: train a robot with a fixed base"
+            )
         threads = None if threads is None else as_count("threads", threads)
         self.recipe, self.robot_name, self.speed = recipe, robot_name, SpeedModel()
         self.seed = as_count("seed", seed, 0)
