@@ -9,6 +9,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from evaluation.field_sets import least_time
 from piec_envs.escape import GridField, SpeedModel
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
@@ -36,17 +37,12 @@ def point_set(kind: str, rows: int, k: int, seed: int = 0) -> tuple[np.ndarray, 
     return draw_points(ROBOT, kind, q, k, rng), q
 
 
-def least_time(points: np.ndarray) -> np.ndarray:
-    """The lower bound (R - |p|) / u_bar, s."""
-    return (get_robot(ROBOT).workspace_radius - np.hypot(points[..., 0], points[..., 1])) / SpeedModel().u_bar
-
-
 def against_fine_grid(kind: str, rows: int = 50, k: int = 400, seed: int = 0, settings=SETTINGS) -> list[dict]:
     """Relative error of every setting against second-order marching at 560 x 560, reachable in both."""
     points, q = point_set(kind, rows, k, seed)
     true = GridField(ROBOT, FINE, "marching").query(points, q)
     reachable = np.isfinite(GridField(ROBOT, FINE, "marching", HARD).query(points, q))
-    bound = least_time(points)
+    bound = least_time(ROBOT, points)
     table = []
     for resolution, method in settings:
         T = GridField(ROBOT, resolution, method).query(points, q)
@@ -79,7 +75,7 @@ def against_scikit(resolution: int, rows: int) -> dict:
     field, q = GridField(ROBOT, resolution, "marching"), np.zeros(4)
     x, y = np.meshgrid(field.solve(q).x, field.solve(q).y)
     nodes, h = np.stack([x, y], -1), float(x[0, 1] - x[0, 0])  # (N, N, 2)
-    inside, bound = get_robot(ROBOT).workspace_radius - np.hypot(x, y), least_time(nodes)
+    inside, bound = get_robot(ROBOT).workspace_radius - np.hypot(x, y), least_time(ROBOT, nodes)
     own = np.asarray(skfmm.travel_time(inside, np.full(x.shape, field.u_bar), dx=h, order=2)) - bound
     differences, corrected = [], []
     for q in np.concatenate([point_set(kind, rows // 2, 1)[1] for kind in ("uniform", "curled")]):

@@ -87,7 +87,7 @@ def load_block(scene, network, q, points, first, last, block):
         q: configurations, shape (B, n).
         points: shape (B, k, 2), m.
         first, last: numbers of points.
-        block: `place`, `p`, `skeleton` and, for raw inputs, `x` are written.
+        block: `place`, `p`, `skeleton` and the network's inputs `x` are written.
     """
     columns, before = points.shape[1], -1
     for lane in range(LANES):
@@ -110,6 +110,8 @@ def load_block(scene, network, q, points, first, last, block):
             block.x[0, lane], block.x[1, lane] = d_x, d_y
             for j in range(network.base, q.shape[1]):
                 block.x[2 + j - network.base, lane] = q[row, j]
+    if network.geometric:
+        describe(block.p, block.skeleton, network.gaps, block.spare, block.x)
 
 
 @kernel
@@ -171,8 +173,6 @@ def answer_rows(lo, hi, scene, network, level, q, points, out):
     for first in range(lo * columns, hi * columns, LANES):
         last = min(first + LANES, hi * columns) - 1
         load_block(scene, network, q, points, first, last, block)
-        if network.geometric:
-            describe(block.p, block.skeleton, network.gaps, block.spare, block.x)
         forward(network.layers, block.x, block.hidden, block.slope, block.z)
         if level > VALUE:
             backward(network.layers, block.slope, block.g, block.g_x)
@@ -200,8 +200,6 @@ def describe_rows(lo, hi, scene, network, q, points, out):
     for first in range(lo * columns, hi * columns, LANES):
         last = min(first + LANES, hi * columns) - 1
         load_block(scene, network, q, points, first, last, block)
-        if network.geometric:
-            describe(block.p, block.skeleton, network.gaps, block.spare, block.x)
         for number in range(first, last + 1):
             row = number // columns
             for f in range(out.shape[2]):

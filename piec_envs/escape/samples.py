@@ -1,4 +1,4 @@
-"""Random configurations and points on which escape fields are judged (DESIGN section 5, sets U and H)."""
+"""Random configurations and points on which escape fields are trained and judged."""
 
 from __future__ import annotations
 

@@ -98,8 +98,9 @@ class Bellman(Fitted):
         T(p) = min over directions e and lengths r of  integral of ds/u along p + s e, s <= r, + T(p + r e),
 
     and then takes the true time of going on from there, along -grad T or straight out, or that of
-    following -grad T from p. Every target is the time of a path that can be gone and bounds T from above, so that
-    no error of the network can pull it below the least time, the viscosity solution.
+    following -grad T from p. With `descent_step` above 0 every target is the time of a path that can be
+    gone and bounds T from above, so that no error of the network can pull it below the least time, the
+    viscosity solution.
 
     Args:
         rounds: after round 0.
