@@ -51,8 +51,9 @@ def _squeezed(object_name: str, rows: int, rng: np.random.Generator):
     return motion.q_r[held, -1], motion.pose[held, -1]
 
 
-def random_motion_of(object_name, rows=60, steps=200, seed=0, sigma=0.0, **dynamics):
+def random_motion_of(object_name, rows=60, steps=200, seed=0, sigma=0.0, dynamics=None):
     """Rollouts of random actions, held for 50 to 200 steps, from touching and from squeezed states."""
+    dynamics = dynamics or QuasiDynamics()
     rng = np.random.default_rng(seed)
     touching, squeezed = _touching(object_name, rows // 2, rng), _squeezed(object_name, rows - rows // 2, rng)
     q, pose = np.vstack([touching[0], squeezed[0]]), np.vstack([touching[1], squeezed[1]])
@@ -65,7 +66,7 @@ def random_motion_of(object_name, rows=60, steps=200, seed=0, sigma=0.0, **dynam
             t += hold
     displacement = sigma * rng.standard_normal((len(q), steps, 2)) if sigma else None
     plant = Plant("planar_arm", [object_name] * len(q), np.full(len(q), 0.5))
-    return QuasiDynamics(**dynamics).rollout(q, q, pose, Commands(actions, displacement=displacement), plant)
+    return dynamics.rollout(q, q, pose, Commands(actions, displacement=displacement), plant)
 
 
 @pytest.fixture(scope="session")

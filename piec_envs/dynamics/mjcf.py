@@ -19,10 +19,11 @@ from piec_envs.world.shapes import RoundedPolygon
 
 TIMESTEP = 0.002  # s
 TABLE_FRICTION = 0.3  # between object and table
-# Contacts as stiff as this time step allows with a margin of two: a squeezed object stays within a
-# fraction of a millimetre, and impacts die out in one control step.
-SOLREF = (0.008, 1.0)  # time constant in s, damping ratio
-SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+# Time constant (s) and damping ratio, and impedance, of the two kinds of contact. The arm's are as stiff
+# as this time step allows with a margin of two, so that a squeezed object stays within a fraction of a
+# millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks and slips.
+ARM_CONTACT = {"solref": (0.008, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
+TABLE_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.23, 0.49, 0.72, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.94, 0.95, 1.0)
 ARC_POINTS = 8  # on each rounded corner of an extruded outline
 
@@ -53,8 +54,6 @@ def build_spec(robot: Robot, item: Object, friction: float) -> Any:
     option.timestep = TIMESTEP
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # Coulomb's cone itself
-    if hasattr(mujoco.mjtEnableBit, "mjENBL_MULTICCD"):  # older releases find one contact of a face unless told
-        option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_MULTICCD)
     spec.worldbody.add_geom(
         name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1], rgba=TABLE_COLOUR, **_NO_COLLISION
     )
@@ -62,8 +61,8 @@ def build_spec(robot: Robot, item: Object, friction: float) -> Any:
     parts = _add_object(spec, item)
     for part in parts:
         for link in links:
-            _add_pair(spec, link, part, friction)
-        _add_pair(spec, "table", part, TABLE_FRICTION)
+            _add_pair(spec, link, part, friction, ARM_CONTACT)
+        _add_pair(spec, "table", part, TABLE_FRICTION, TABLE_CONTACT)
     return spec
 
 
@@ -155,10 +154,10 @@ def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> d
     return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
 
 
-def _add_pair(spec: Any, first: str, second: str, friction: float) -> None:
+def _add_pair(spec: Any, first: str, second: str, friction: float, contact: dict[str, Any]) -> None:
     spec.add_pair(
         name=f"{first} on {second}", geomname1=first, geomname2=second, condim=3,
-        friction=[friction, friction, 0, 0, 0], solref=SOLREF, solimp=SOLIMP, margin=0.0, gap=0.0,
+        friction=[friction, friction, 0, 0, 0], margin=0.0, gap=0.0, **contact,
     )  # fmt: skip
 
 

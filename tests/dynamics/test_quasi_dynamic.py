@@ -70,7 +70,7 @@ def test_fast_satisfies_kkt_on_any_problem(data):
 
 def test_rollout_with_osqp_equals_fast(random_motion):
     fast = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003)
-    reference = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003, solver="osqp")
+    reference = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003, dynamics=QuasiDynamics("osqp"))
     np.testing.assert_allclose(fast.pose, reference.pose, atol=1e-6)
     np.testing.assert_allclose(fast.q_r, reference.q_r, atol=1e-6)
     np.testing.assert_array_equal(fast.contact, reference.contact)
