@@ -64,7 +64,7 @@ def test_a_policy_with_predict_gets_its_state_back():
             return np.zeros((len(observation), 4), dtype=np.float32), self.seen
 
     policy = Counter()
-    evaluate(policy, PUSH, "start", episodes=2, env_kwargs=NO_FIELD)
+    evaluate(policy, PUSH, "nominal-start", episodes=2, env_kwargs=NO_FIELD)
     assert policy.seen == 1000
 
 
@@ -101,7 +101,7 @@ def test_a_plan_with_other_joints_is_refused(sweep_plan):
 
 
 def test_file_round_trip(sweep_plan, tmp_path):
-    full = evaluate(OpenLoopPolicy(sweep_plan), TRACK.replace("Track", "Push"), "start", 2, env_kwargs=NO_FIELD)
+    full = evaluate(OpenLoopPolicy(sweep_plan), TRACK.replace("Track", "Push"), "nominal-start", 2, env_kwargs=NO_FIELD)
     assert_same(full, Evaluation.load(full.save(tmp_path / "full.npz")))
     thin = Evaluation.load(full.save(tmp_path / "thin.npz", every=10))
     assert (thin.every, thin.goal_distance.shape, thin.d2g.shape) == (10, (2, 101), (2,))
