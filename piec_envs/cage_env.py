@@ -54,9 +54,9 @@ class CageInterface:
         """0.02 times the value that planners maximise, shape (B,)."""
         return CAGING_SCALE * self.batch.value
 
-    def terminated(self) -> np.ndarray:
-        """Which rows have taken their posture, shape (B,)."""
-        return self.batch.done.copy()
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which rows have taken their posture, and that none is cut short, shape (B,) each."""
+        return self.batch.done.copy(), np.zeros(self.batch.rows, dtype=bool)
 
     def info(self) -> dict:
         """Info of all rows at present."""

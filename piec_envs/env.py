@@ -73,9 +73,9 @@ class Interface:
             return self.compute_reward(observation["achieved_goal"], observation["desired_goal"])
         return -REWARD_SCALE * self.batch.measures[:, _COST]
 
-    def terminated(self) -> np.ndarray:
-        """No episode ends by itself, shape (B,)."""
-        return np.zeros(self.batch.state.rows, dtype=bool)
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """No episode ends by itself; one whose simulation has diverged is cut short, shape (B,) each."""
+        return np.zeros(self.batch.state.rows, dtype=bool), self.batch.state.diverged.copy()
 
     def info(self) -> dict:
         """Info of all rows at present."""
@@ -144,7 +144,8 @@ class PlanarArmEnv(gym.Env):
         reward = float(self._interface.reward(observation)[0])
         if self.render_mode:
             self._trail.append(self._batch.state.pose[0, :2].copy())
-        return take_row(observation), reward, False, False, row_info(self._interface.info())
+        diverged = bool(self._batch.state.diverged[0])
+        return take_row(observation), reward, False, diverged, row_info(self._interface.info())
 
     def set_params(self, params: Mapping[str, Any]) -> None:
         """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
@@ -216,11 +217,12 @@ class PlanarArmPushEnv(PlanarArmEnv):
     **Start.** Arm straight along x, object at (0.55, 0.25) m, drawn with `start_noise`. Options of
     `reset`: "params" (plant parameters) and "state" (a `State`, or a dict of q_r, q_cmd, pose, step).
 
-    **End.** Never terminated; truncated after 1000 steps. An episode succeeds if d2g = 0 at its last
+    **End.** Never terminated; truncated after 1000 steps, or when the simulation has become unstable
+    (info["diverged"]; the last good state stays). An episode succeeds if d2g = 0 at its last
     step: the object's centre is within 0.05 m of the goal (-0.3, 0.4).
 
     **Info.** is_success, goal_distance, d2g, link_distance, contact_links, min_distance,
-    mean_distance, penetration, cost_task, cost_command, cost_prior, params; and, unless
+    mean_distance, penetration, cost_task, cost_command, cost_prior, diverged, params; and, unless
     `escape_field=None`, escape_time (s) and caging (0.02 of it).
 
     **Arguments.** Those of `EnvConfig`, `dtype` ("float64" or "float32") and `render_mode`.

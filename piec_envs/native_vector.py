@@ -43,8 +43,8 @@ class Face(Protocol):
         """Rewards of the step that led to `observation`, shape (B,)."""
         ...
 
-    def terminated(self) -> np.ndarray:
-        """Which episodes have ended by themselves, shape (B,)."""
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which episodes have ended by themselves, and which are cut short whatever their length, shape (B,) each."""
         ...
 
     def info(self) -> dict:
@@ -131,7 +131,8 @@ class NativeVectorEnv(VectorEnv):
             self._begin(np.flatnonzero(begin), {})
         observation = self._interface.observe()
         reward = np.where(begin, 0.0, self._interface.reward(observation))
-        terminated, truncated = self._interface.terminated(), self._elapsed >= self.max_episode_steps
+        terminated, cut = self._interface.ends()
+        truncated = cut | (self._elapsed >= self.max_episode_steps)
         self._ended = ended = terminated | truncated
         final: dict = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():

@@ -63,7 +63,7 @@ class PlanarArmVectorEnv(NativeVectorEnv):
             raise InvalidStateError(f"set_state takes a State, got {state!r}")
         self._batch.restore(state)
         self._elapsed = state.step.copy()
-        self._ended = self._elapsed >= self.max_episode_steps
+        self._ended = state.diverged | (self._elapsed >= self.max_episode_steps)
         return self._interface.observe(), with_masks(self._interface.info(), np.ones(self.num_envs, dtype=bool))
 
     def rollout(self, state: State, path: np.ndarray | None = None, controls: np.ndarray | None = None) -> Rollout:

@@ -28,7 +28,7 @@ def _tables() -> dict[str, dict[str, str]]:
     from evaluation.protocols import PROTOCOLS
     from evaluation.studies import STUDIES
     from piec_envs.dynamics.quasi_dynamic import SOLVERS
-    from piec_envs.episodes.state import DYNAMICS_NAMES
+    from piec_envs.dynamics.table import DYNAMICS
     from piec_envs.episodes.tasks import PRESETS, PRIORS
     from piec_envs.escape.field import FIELDS
     from piec_envs.escape.training import RECIPES
@@ -41,7 +41,7 @@ def _tables() -> dict[str, dict[str, str]]:
         "environments": {name: _summary(entry.entry_point) for name, entry in ENVS.items()},
         "robots": {name: f"{get_robot(name).dof} joints" for name in ROBOTS},
         "objects": {name: f"{len(item.shapes)} shape(s), {item.mass} kg" for name, item in OBJECTS.items()},
-        "dynamics": dict.fromkeys(DYNAMICS_NAMES, ""),
+        "dynamics": {name: _first_line(make) for name, make in DYNAMICS.items()},
         "solvers": dict.fromkeys(SOLVERS, ""),
         "escape fields": {name: _field(name, kind) for name, kind in FIELDS.items()},
         "recipes of train-field": {name: row.description for name, row in RECIPES.items()},

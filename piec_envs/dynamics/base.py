@@ -9,8 +9,12 @@ from typing import Protocol
 
 import numpy as np
 
+from piec_envs.errors import InvalidStateError
+from piec_envs.world.robots import get_robot
+
 CONTROL_PERIOD = 0.1  # h, s
 TOUCH_DISTANCE = 1e-3  # m; links nearer than this count as in contact
+NO_MEMORY = np.zeros(0)  # of a row whose joints and object pose say everything
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,17 +25,33 @@ class Plant:
         robot: name of the robot.
         objects: name of the object in each row, length B.
         friction: mu of each row, shape (B,).
+        dynamics: name of the dynamics of each row, length B; only `DynamicsByRow` asks for it.
     """
 
     robot: str
     objects: Sequence[str]
     friction: np.ndarray
+    dynamics: Sequence[str] = ()
 
     @cached_property
     def rows_by_object(self) -> dict[str, np.ndarray]:
         """Row indices of each object that occurs."""
-        names = np.asarray(self.objects)
-        return {str(name): np.flatnonzero(names == name) for name in dict.fromkeys(self.objects)}
+        return _rows_by_name(self.objects)
+
+    @cached_property
+    def rows_by_dynamics(self) -> dict[str, np.ndarray]:
+        """Row indices of each dynamics that occurs."""
+        return _rows_by_name(self.dynamics)
+
+    def take(self, rows: np.ndarray) -> Plant:
+        """The plant of some rows alone."""
+        objects, dynamics = ([names[i] for i in rows] for names in (self.objects, self.dynamics))
+        return Plant(self.robot, objects, self.friction[rows], dynamics)
+
+
+def _rows_by_name(names: Sequence[str]) -> dict[str, np.ndarray]:
+    array = np.asarray(names)
+    return {str(name): np.flatnonzero(array == name) for name in dict.fromkeys(names)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +80,12 @@ class Motion:
         actions: commands as actions in [-1, 1], shape (B, N, n).
         link_distance: signed distance of each link to the object, shape (B, N + 1, links), m.
         contact: links in contact, shape (B, N + 1, links); at the start by distance alone.
-        active: positive contact multipliers in each step, shape (B, N + 1); 0 at the start.
+        active: links that press on the object, or positive contact multipliers where the model has
+            them, in each step, shape (B, N + 1); 0 at the start.
+        diverged: whether the simulation has become unstable; from then on the row rests in its last
+            good state, shape (B, N + 1).
+        memory: what the dynamics needs beside joints and object pose to go on from the last state
+            (velocities, say), one array for each row.
     """
 
     q_r: np.ndarray
@@ -70,6 +95,16 @@ class Motion:
     link_distance: np.ndarray
     contact: np.ndarray
     active: np.ndarray
+    diverged: np.ndarray
+    memory: list[np.ndarray]
+
+    def hold(self, rows: int | np.ndarray, t: int) -> None:
+        """Let rows that have diverged rest in their state at time index t from then on."""
+        for array in (self.q_r, self.q_cmd, self.pose, self.link_distance, self.contact):
+            array[rows, t + 1 :] = array[rows, t, None]
+        self.actions[rows, t:] = 0.0
+        self.active[rows, t + 1 :] = 0
+        self.diverged[rows, t + 1 :] = True
 
 
 class Dynamics(Protocol):
@@ -77,7 +112,15 @@ class Dynamics(Protocol):
 
     name: str
 
-    def rollout(self, q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> Motion:
+    def rollout(
+        self,
+        q_r: np.ndarray,
+        q_cmd: np.ndarray,
+        pose: np.ndarray,
+        commands: Commands,
+        plant: Plant,
+        memory: Sequence[np.ndarray] | None = None,
+    ) -> Motion:
         """Simulate N steps for B rows.
 
         Args:
@@ -86,8 +129,72 @@ class Dynamics(Protocol):
             pose: object pose at the start, shape (B, 3).
             commands: what the robot is told.
             plant: the parameters of each row.
+            memory: of the motion that ended in this start; a row begins at rest where there is none, or
+                where it does not fit the joints and the pose.
 
         Returns:
             The motion; row i does not depend on the other rows.
+
+        Raises:
+            InvalidStateError: if the arrays do not fit together.
         """
         ...
+
+    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> np.ndarray:
+        """Where an object that overlaps the robot stands when the clock starts.
+
+        Args:
+            q_r: joint positions, held meanwhile, shape (B, n).
+            pose: object poses, shape (B, 3).
+            plant: the parameters of each row.
+
+        Returns:
+            Object poses, shape (B, 3).
+        """
+        ...
+
+
+def check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> None:
+    """Refuse arrays that do not fit together: compiled code does not check its bounds.
+
+    Raises:
+        InvalidStateError: if a shape differs from that of the commands.
+    """
+    batch, steps, n = commands.values.shape
+    for name, array, shape in (
+        ("q_r", q_r, (batch, n)),
+        ("q_cmd", q_cmd, (batch, n)),
+        ("pose", pose, (batch, 3)),
+        ("friction", plant.friction, (batch,)),
+        ("displacement", commands.displacement, (batch, steps, 2)),
+    ):
+        if array is not None and array.shape != shape:
+            raise InvalidStateError(f"{name} must have shape {shape}, got {array.shape}")
+    if len(plant.objects) != batch or get_robot(plant.robot).dof != n:
+        raise InvalidStateError(
+            f"{batch} rows of {n} joints do not fit {len(plant.objects)} objects and robot {plant.robot!r}"
+        )
+
+
+def blank_motion(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, steps: int, links: int) -> Motion:
+    """A motion of N steps that holds its start alone, to be filled in place; nothing has diverged.
+
+    Args:
+        q_r, q_cmd, pose: the start, as in `Dynamics.rollout`.
+        steps: N.
+        links: of the robot.
+    """
+    (batch, n), times = q_r.shape, steps + 1
+    motion = Motion(
+        q_r=np.empty((batch, times, n)),
+        q_cmd=np.empty((batch, times, n)),
+        pose=np.empty((batch, times, 3)),
+        actions=np.empty((batch, steps, n)),
+        link_distance=np.empty((batch, times, links)),
+        contact=np.empty((batch, times, links), dtype=np.bool_),
+        active=np.empty((batch, times), dtype=np.int64),
+        diverged=np.zeros((batch, times), dtype=np.bool_),
+        memory=[NO_MEMORY] * batch,
+    )
+    motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0] = q_r, q_cmd, pose
+    return motion

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from piec_envs.dynamics.base import Commands, Motion, Plant
+from piec_envs.dynamics.base import Commands, Motion, Plant, blank_motion, check_shapes
 from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
 from piec_envs.dynamics.reference import rollout_rows_osqp
-from piec_envs.errors import InvalidParameterError, InvalidStateError, check_name
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.parallel import run_rows
-from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 SOLVERS = ("fast", "osqp")
@@ -40,22 +41,22 @@ class QuasiDynamics:
         self.threads = threads
         self._kernel = rollout_rows if solver == "fast" else rollout_rows_osqp
 
-    def rollout(self, q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> Motion:
-        """Simulate N steps for B rows; see `Dynamics.rollout`."""
-        batch, steps, n = commands.values.shape
-        _check_shapes(q_r, q_cmd, pose, commands, plant)
+    def rollout(
+        self,
+        q_r: np.ndarray,
+        q_cmd: np.ndarray,
+        pose: np.ndarray,
+        commands: Commands,
+        plant: Plant,
+        memory: Sequence[np.ndarray] | None = None,
+    ) -> Motion:
+        """Simulate N steps for B rows; see `Dynamics.rollout`. A first-order model remembers nothing."""
+        check_shapes(q_r, q_cmd, pose, commands, plant)
+        batch, steps, _ = commands.values.shape
         groups = [(rows, pack_scene(plant.robot, name)) for name, rows in plant.rows_by_object.items()]
-        links, times = groups[0][1].links, steps + 1
-        arrays = (
-            np.empty((batch, times, n)),
-            np.empty((batch, times, n)),
-            np.empty((batch, times, 3)),
-            np.empty((batch, steps, n)),
-            np.empty((batch, times, links)),
-            np.empty((batch, times, links), dtype=np.bool_),
-            np.empty((batch, times), dtype=np.int64),
-        )
-        arrays[0][:, 0], arrays[1][:, 0], arrays[2][:, 0] = q_r, q_cmd, pose
+        motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][1].links)
+        arrays = (motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance, motion.contact,
+                  motion.active)  # fmt: skip
         displacement = np.zeros((batch, 0, 2)) if commands.displacement is None else commands.displacement
         threads = 1 if batch * steps < SMALL_BATCH else self.threads
         for rows, scene in groups:
@@ -63,26 +64,8 @@ class QuasiDynamics:
                 self._kernel, len(rows), threads, rows, scene, self.model,
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
-        return Motion(*arrays)
+        return motion
 
-
-def _check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> None:
-    """Refuse arrays that do not fit together: the kernels do not check their bounds.
-
-    Raises:
-        InvalidStateError: if a shape differs from that of the commands.
-    """
-    batch, steps, n = commands.values.shape
-    for name, array, shape in (
-        ("q_r", q_r, (batch, n)),
-        ("q_cmd", q_cmd, (batch, n)),
-        ("pose", pose, (batch, 3)),
-        ("friction", plant.friction, (batch,)),
-        ("displacement", commands.displacement, (batch, steps, 2)),
-    ):
-        if array is not None and array.shape != shape:
-            raise InvalidStateError(f"{name} must have shape {shape}, got {array.shape}")
-    if len(plant.objects) != batch or get_robot(plant.robot).dof != n:
-        raise InvalidStateError(
-            f"{batch} rows of {n} joints do not fit {len(plant.objects)} objects and robot {plant.robot!r}"
-        )
+    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> np.ndarray:
+        """The pose itself: the first steps push an overlap out."""
+        return pose

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from piec_envs.dynamics.base import Commands, Motion, Plant
-from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.dynamics.table import DynamicsByRow
 from piec_envs.episodes.caging import advance_escape, refresh_escape
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.disturbance import draw_disturbance
@@ -42,7 +42,7 @@ class EpisodeBatch:
         self.weights = config.cost_weights
         self._prior = config.prior_index
         self.field, self.escape_every = config.make_field()
-        self.dynamics = QuasiDynamics(config.solver, config.contact_model, config.threads)
+        self.dynamics = DynamicsByRow(config.dynamics_options)
         self.scene = pack_scene(self.robot.name, config.object)
         self.tracking = len(self.task.reference) > 0
         self.observation_size = observation_layout(self.robot, self.tracking)["time"].stop
@@ -99,7 +99,10 @@ class EpisodeBatch:
             return state
         rng = np.random.default_rng(seed)
         params = self.params.replace(draw_params(self.config.randomize or {}, rng))
-        return self._start.draw(self._checked(params.replace(changes)), seed, rng, given)
+        state = self._start.draw(self._checked(params.replace(changes)), seed, rng, given)
+        state.pose = self.dynamics.settle(state.q_r, state.pose, self._plant(state))
+        state.start = state.pose.copy()
+        return state
 
     def _checked(self, params: PlantParams) -> PlantParams:
         if params.adversary and self.field is None:
@@ -154,6 +157,7 @@ class EpisodeBatch:
             self.robot.name,
             [params.object for params in state.params],
             np.array([params.friction for params in state.params]),
+            [params.dynamics for params in state.params],
         )
 
     # --- stepping ----------------------------------------------------------------------------
@@ -229,11 +233,14 @@ class EpisodeBatch:
         steps = values.shape[1]
         displacement = self._displacement(state, steps, noise, flees)
         motion = self.dynamics.rollout(
-            state.q_r, state.q_cmd, state.pose, Commands(values, absolute, displacement), plant
+            state.q_r, state.q_cmd, state.pose, Commands(values, absolute, displacement), plant, state.memory
         )
+        if state.diverged.any():
+            motion.hold(np.flatnonzero(state.diverged), 0)
         first_step = state.step.copy()
         state.q_r, state.q_cmd = motion.q_r[:, -1].copy(), motion.q_cmd[:, -1].copy()
         state.pose, state.step = motion.pose[:, -1].copy(), state.step + steps
+        state.memory, state.diverged = motion.memory, motion.diverged[:, -1].copy()
         times = advance_escape(self.field, state, motion, first_step, self.escape_every)
         measures = self._measure(motion, first_step, CAGING_SCALE * times)
         if self.tracking:

@@ -11,6 +11,7 @@ import numpy as np
 
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
+from piec_envs.dynamics.table import DynamicsOptions
 from piec_envs.episodes.state import PlantParams, check_randomize
 from piec_envs.episodes.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
@@ -28,7 +29,7 @@ class EnvConfig:
 
     Args:
         task: row of the table of tasks.
-        dynamics: contact dynamics of the plant.
+        dynamics: row of the table of dynamics: "quasi_dynamic" or "mujoco".
         solver: "fast" or "osqp", for the quasi-dynamic model.
         object: row of the table of objects.
         friction: mu between arm and object.
@@ -46,7 +47,7 @@ class EnvConfig:
         preset: "default" or "paper": weights of the stage cost and settings of the contact model.
         weights: changes to the preset's weights.
         noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
-            then repaired).
+            then repaired), for the quasi-dynamic model.
         threads: threads of a batch; None takes all cores.
 
     Raises:
@@ -155,6 +156,11 @@ class EnvConfig:
             # Displacing the pose makes overlaps, which a stiffer contact would throw back.
             model = model._replace(state_noise=True, compliance=max(model.compliance, 1e-3))
         return model
+
+    @property
+    def dynamics_options(self) -> DynamicsOptions:
+        """What the contact dynamics are made with."""
+        return DynamicsOptions(self.solver, self.contact_model, self.threads)
 
     @property
     def prior_index(self) -> int:

@@ -28,7 +28,8 @@ def batch_info(batch: EpisodeBatch) -> dict:
         info["tracking_error"] = measures[:, _COLUMNS["tracking_error"]]
         info["mean_tracking_error"] = batch.state.error_sum / np.maximum(batch.state.step, 1)
         success &= info["mean_tracking_error"] <= TRACKING_TOLERANCE
-    info["is_success"] = success
+    info["is_success"] = success & ~batch.state.diverged
+    info["diverged"] = batch.state.diverged.copy()
     info["link_distance"], info["contact_links"] = batch.link_distance.copy(), batch.contact.copy()
     if batch.field is not None:
         info["escape_time"] = batch.state.escape_time.copy()

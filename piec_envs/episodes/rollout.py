@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,8 +41,11 @@ class Rollout:
 
 def join_motions(pieces: list[Motion]) -> Motion:
     """Concatenate motions in time; each begins where the one before ends."""
-    joined = {}
+    joined: dict[str, Any] = {}
     for name in vars(pieces[0]):
+        if name == "memory":
+            joined[name] = pieces[-1].memory
+            continue
         parts = [getattr(piece, name) if k == 0 or name == "actions" else getattr(piece, name)[:, 1:]
                  for k, piece in enumerate(pieces)]  # fmt: skip
         joined[name] = np.concatenate(parts, axis=1)

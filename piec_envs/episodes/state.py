@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from piec_envs.dynamics.base import NO_MEMORY
+from piec_envs.dynamics.table import DYNAMICS
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
 from piec_envs.world.objects import OBJECTS
 
 DISTURBANCE_KINDS = ("gaussian", "direction")
-DYNAMICS_NAMES = ("quasi_dynamic",)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class PlantParams:
 
     def __post_init__(self):
         for kind, known in (
-            ("dynamics", DYNAMICS_NAMES),
+            ("dynamics", DYNAMICS),
             ("object", OBJECTS),
             ("disturbance_kind", DISTURBANCE_KINDS),
         ):
@@ -134,7 +135,9 @@ class State:
         escape_time: object's escape time, held since its last refresh, shape (B,), s.
         drift: the adversary's displacement in each step, held likewise, shape (B, 2), m.
         error_sum: tracking errors added up over the episode, shape (B,), m.
+        diverged: whether the simulation of a row has become unstable; it rests since then, shape (B,).
         params: plant parameters of each row, length B.
+        memory: what a row's dynamics needs beside all this to go on, length B; see `Motion`.
     """
 
     q_r: np.ndarray
@@ -146,7 +149,9 @@ class State:
     escape_time: np.ndarray
     drift: np.ndarray
     error_sum: np.ndarray
+    diverged: np.ndarray
     params: list[PlantParams]
+    memory: list[np.ndarray]
 
     @property
     def rows(self) -> int:
@@ -166,15 +171,16 @@ class State:
             escape_time=np.zeros(rows),
             drift=np.zeros((rows, 2)),
             error_sum=np.zeros(rows),
+            diverged=np.zeros(rows, dtype=bool),
             params=[PlantParams()] * rows,
+            memory=[NO_MEMORY] * rows,
         )
 
     def take(self, rows: Sequence[int] | np.ndarray) -> State:
         """A copy of some rows; a row may be taken more than once."""
-        arrays = {
-            field.name: getattr(self, field.name)[rows] for field in dataclasses.fields(self) if field.name != "params"
-        }
-        return State(**arrays, params=[self.params[int(i)] for i in rows])
+        taken: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
+        taken |= {name: [getattr(self, name)[int(i)] for i in rows] for name in _LISTS}
+        return State(**taken)
 
     def check(self, rows: int, dof: int) -> None:
         """Refuse a state that could not have come from `rows` episodes of a robot with `dof` joints.
@@ -183,22 +189,28 @@ class State:
             InvalidStateError: if an array has the wrong shape or is not finite, or a step is negative.
         """
         blank = State.zeros(rows, dof)
-        for item in dataclasses.fields(self):
-            if item.name == "params":
-                continue
-            if item.name == "escape_time":  # behind a hard wall it may be infinite
+        for name in _ARRAYS:
+            if name == "escape_time":  # behind a hard wall it may be infinite
                 as_floats("state field 'escape_time'", np.nan_to_num(self.escape_time, posinf=0.0, nan=np.nan),
                           (rows,), InvalidStateError)  # fmt: skip
                 continue
-            value = as_floats(f"state field {item.name!r}", getattr(self, item.name), getattr(blank, item.name).shape,
+            value = as_floats(f"state field {name!r}", getattr(self, name), getattr(blank, name).shape,
                               InvalidStateError)  # fmt: skip
-            if item.name in ("step", "seed") and ((value < 0) | (value != np.floor(value))).any():
+            if name in ("step", "seed") and ((value < 0) | (value != np.floor(value))).any():
                 raise InvalidStateError(
-                    f"state field {item.name!r} must be whole numbers of at least 0, got {value.tolist()}"
+                    f"state field {name!r} must be whole numbers of at least 0, got {value.tolist()}"
                 )
         if len(self.params) != rows or not all(isinstance(params, PlantParams) for params in self.params):
             raise InvalidStateError(f"state field 'params' must be {rows} PlantParams, got {self.params!r}")
+        if len(self.memory) != rows:
+            raise InvalidStateError(f"state field 'memory' must have {rows} arrays, got {len(self.memory)}")
+        for memory in self.memory:
+            as_floats("state field 'memory'", memory, (np.size(memory),), InvalidStateError)
 
     def copy(self) -> State:
         """An independent copy."""
         return self.take(np.arange(self.rows))
+
+
+_LISTS = ("params", "memory")
+_ARRAYS = tuple(field.name for field in dataclasses.fields(State) if field.name not in _LISTS)

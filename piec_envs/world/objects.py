@@ -23,6 +23,7 @@ class Object:
         shapes: its geometry in its own frame.
         key_points: centres of inscribed discs, where the escape time is asked, shape (k, 2), m.
         mass: kg.
+        height: of the upright prism that it is in space, m.
 
     Raises:
         InvalidShapeError: if a key point lies less than 0.035 m inside the surface.
@@ -32,6 +33,7 @@ class Object:
     shapes: tuple[RoundedPolygon, ...]
     key_points: np.ndarray
     mass: float = 0.5
+    height: float = 0.1
 
     def __post_init__(self):
         for point in self.key_points:

@@ -53,6 +53,23 @@ class RoundedPolygon:
         centre = self.vertices.mean(axis=0)
         return centre, float(np.linalg.norm(self.vertices - centre, axis=1).max()) + self.radius
 
+    @property
+    def area(self) -> float:
+        """Area of the shape, m^2."""
+        x, y = self.vertices.T
+        step_x, step_y = np.roll(x, -1) - x, np.roll(y, -1) - y
+        rim = float(np.hypot(step_x, step_y).sum())  # both sides of a capsule
+        return float(0.5 * (x * step_y - y * step_x).sum()) + self.radius * rim + np.pi * self.radius**2
+
+    @property
+    def is_rectangle(self) -> bool:
+        """Whether it is a sharp rectangle, at any angle."""
+        if len(self.vertices) != 4 or self.radius > 0:
+            return False
+        edges = np.roll(self.vertices, -1, axis=0) - self.vertices
+        corners = np.abs((edges * np.roll(edges, -1, axis=0)).sum(axis=1))
+        return bool((corners < 1e-12).all())
+
     def outline(self, arc_points: int = 12) -> np.ndarray:
         """Closed boundary for drawing.
 

@@ -77,6 +77,12 @@ class ShapeMismatch(Mismatch):
     names = ("object",)
 
 
+class DynamicsMismatch(Mismatch):
+    """Another `dynamics` than the planner's model."""
+
+    names = ("dynamics",)
+
+
 class VectorRandomDisturbance(VectorMismatch):
     """The twin of `RandomDisturbance`."""
 
@@ -101,10 +107,17 @@ class VectorShapeMismatch(VectorMismatch):
     names = ShapeMismatch.names
 
 
+class VectorDynamicsMismatch(VectorMismatch):
+    """The twin of `DynamicsMismatch`."""
+
+    names = DynamicsMismatch.names
+
+
 # Each wrapper beside its vector twin.
 MISMATCHES: dict[type[Mismatch], type[VectorMismatch]] = {
     RandomDisturbance: VectorRandomDisturbance,
     AdversarialEscape: VectorAdversarialEscape,
     FrictionMismatch: VectorFrictionMismatch,
     ShapeMismatch: VectorShapeMismatch,
+    DynamicsMismatch: VectorDynamicsMismatch,
 }

@@ -16,6 +16,7 @@ VALUES = {
     "adversary": 0.5,
     "friction": 0.1,
     "object": "hexagon",
+    "dynamics": "mujoco",
 }
 
 

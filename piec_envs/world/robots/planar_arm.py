@@ -25,6 +25,9 @@ def planar_arm() -> Robot:
             speed_limit=0.05,
             max_lead=0.01,
             stiffness=500.0,
+            damping=60.0,
+            armature=0.1,
+            effort=20.0,
         )
         for j, (origin, limit) in enumerate(zip(origins, LIMITS, strict=True))
     )

@@ -17,11 +17,13 @@ class Link:
         name: what tables and figures call it.
         frame: the frame it is fixed in; 0 is the base, j the frame after the j-th joint.
         shapes: its geometry in that frame.
+        mass: kg.
     """
 
     name: str
     frame: int
     shapes: tuple[RoundedPolygon, ...]
+    mass: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,10 @@ class Joint:
         upper: largest position, rad or m.
         speed_limit: largest commanded speed, rad/s or m/s.
         max_lead: largest distance of the command ahead of the joint, rad or m.
-        stiffness: K of the paper's eq. 7, Nm/rad or N/m.
+        stiffness: K of the paper's eq. 7, Nm/rad or N/m; second-order dynamics take it for a spring.
+        damping: of the controller under second-order dynamics, Nm s/rad or N s/m.
+        armature: inertia of the drive, kg m^2 or kg.
+        effort: largest torque or force of the drive, Nm or N.
     """
 
     name: str
@@ -47,6 +52,9 @@ class Joint:
     speed_limit: float
     max_lead: float
     stiffness: float
+    damping: float
+    armature: float
+    effort: float
 
 
 @dataclass(frozen=True, eq=False)

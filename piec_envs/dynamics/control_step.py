@@ -1,0 +1,128 @@
+"""What happens around the engine's own steps: commands, displacements, distances. Compiled, over rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from piec_envs.dynamics.base import TOUCH_DISTANCE
+from piec_envs.dynamics.contact_step import advance_command
+from piec_envs.geometry.distance import link_distances
+from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
+from piec_envs.kernels import batch_kernel, kernel
+
+SHIFT_STEPS = 8  # a displacement is tried in this many equal parts, each shorter than any link is thick
+SHIFT_HALVINGS = 8  # and the part in which it meets the robot is halved this often
+
+
+@kernel
+def _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, pose, distances):
+    """Least distance of the object at a pose to the robot; fills `distances` (links,)."""
+    pose[0], pose[1], pose[2] = x, y, angle
+    pose_frame(pose, frame)
+    place_shapes(scene.object, frame, object_vertices, object_centres)
+    link_distances(scene, vertices, object_vertices, distances)
+    least = np.inf
+    for k in range(distances.shape[0]):
+        least = min(least, distances[k])
+    return least
+
+
+@batch_kernel
+def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, ctrl):
+    """Commands of step t, as every dynamics takes them: `advance_command`.
+
+    Args:
+        lo, hi: range of entries of `rows`.
+        rows: row numbers, shape (R,).
+        t: index of the step.
+        scene: a `PackedScene`.
+        model: a `ContactModel`.
+        values, absolute: as in `Commands`.
+        motion: (q_r, q_cmd, actions) of a `Motion`; q_cmd at t + 1 and the actions at t are written.
+        ctrl: output, the commands once for each of the engine's steps, shape (hi - lo, M, n).
+    """
+    q_r, q_cmd, actions = motion
+    for r in range(lo, hi):
+        i = rows[r]
+        advance_command(scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1])
+        for m in range(ctrl.shape[1]):
+            for j in range(ctrl.shape[2]):
+                ctrl[r - lo, m, j] = q_cmd[i, t + 1, j]
+
+
+@batch_kernel
+def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
+    """Displace the object by w, cut where it would meet the robot (or press on it more than it does).
+
+    Args:
+        lo, hi: range of entries of `rows`.
+        rows: row numbers, shape (R,).
+        t: index of the step.
+        scene: a `PackedScene`.
+        displacement: w, shape (B, N, 2), m.
+        q_r, pose: of a `Motion`, at time index t.
+        shifted: output, object x and y, shape (hi - lo, 2), m.
+    """
+    n = q_r.shape[2]
+    frames, frame = np.empty((n + 1, 4)), np.empty((1, 4))
+    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
+    object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
+    moved, distances = np.empty(3), np.empty(scene.links)
+    for r in range(lo, hi):
+        i = rows[r]
+        x, y, angle = pose[i, t, 0], pose[i, t, 1], pose[i, t, 2]
+        w_x, w_y = displacement[i, t, 0], displacement[i, t, 1]
+        share = 0.0
+        if w_x != 0.0 or w_y != 0.0:
+            link_frames(scene, q_r[i, t], frames)
+            place_shapes(scene.robot, frames, vertices, centres)
+            here = _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, moved, distances)
+            free, part = min(here, 0.0), 1.0 / SHIFT_STEPS
+            halvings = 0
+            while share < 1.0 and halvings <= SHIFT_HALVINGS:
+                tried = min(share + part, 1.0)
+                there = _distance_at(
+                    scene, vertices, x + tried * w_x, y + tried * w_y, angle, frame, object_vertices, object_centres,
+                    moved, distances,
+                )  # fmt: skip
+                if there >= free:
+                    share = tried
+                else:
+                    halvings += 1
+                if halvings > 0:
+                    part *= 0.5
+        shifted[r - lo, 0], shifted[r - lo, 1] = x + share * w_x, y + share * w_y
+
+
+@batch_kernel
+def measure_motion_rows(lo, hi, rows, scene, q_r, pose, distance, contact, active):
+    """Link distances of every state of a motion, and which links touch or press.
+
+    Args:
+        lo, hi: range of entries of `rows`.
+        rows: row numbers, shape (R,).
+        scene: a `PackedScene`.
+        q_r: shape (B, T, n).
+        pose: shape (B, T, 3).
+        distance: output, shape (B, T, links), m.
+        contact: output, whether nearer than the touching distance, shape (B, T, links).
+        active: output, links that press, shape (B, T); 0 at the start.
+    """
+    frames, frame = np.empty((q_r.shape[2] + 1, 4)), np.empty((1, 4))
+    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
+    object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
+    here = np.empty(3)
+    for r in range(lo, hi):
+        i = rows[r]
+        for t in range(q_r.shape[1]):
+            link_frames(scene, q_r[i, t], frames)
+            place_shapes(scene.robot, frames, vertices, centres)
+            _distance_at(
+                scene, vertices, pose[i, t, 0], pose[i, t, 1], pose[i, t, 2], frame, object_vertices, object_centres,
+                here, distance[i, t],
+            )  # fmt: skip
+            active[i, t] = 0
+            for k in range(scene.links):
+                contact[i, t, k] = distance[i, t, k] <= TOUCH_DISTANCE
+                if t > 0 and distance[i, t, k] < 0.0:  # a soft contact pushes where bodies overlap
+                    active[i, t] += 1

@@ -1,0 +1,167 @@
+"""MuJoCo models of the scenes: the same robots, objects and shapes as everywhere, given a height.
+
+The arm moves in the plane at half the object's height; the object is an upright prism that rests on a
+table. Geoms touch through explicit pairs alone, since MuJoCo would otherwise take the larger friction
+of the two: arm and object with the scene's mu, object and table with a friction of their own.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from piec_envs.world.objects import Object, get_object
+from piec_envs.world.robots import Robot, get_robot
+from piec_envs.world.shapes import RoundedPolygon
+
+TIMESTEP = 0.002  # s
+TABLE_FRICTION = 0.3  # between object and table
+# Contacts as stiff as this time step allows with a margin of two: a squeezed object stays within a
+# fraction of a millimetre, and impacts die out in one control step.
+SOLREF = (0.008, 1.0)  # time constant in s, damping ratio
+SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.23, 0.49, 0.72, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.94, 0.95, 1.0)
+ARC_POINTS = 8  # on each rounded corner of an extruded outline
+
+
+@lru_cache(maxsize=1024)
+def get_model(robot_name: str, object_name: str, friction: float) -> Any:
+    """The compiled model of a scene, an `mujoco.MjModel` to be treated as read-only.
+
+    Args:
+        robot_name: a row of the table of robots.
+        object_name: a row of the table of objects.
+        friction: mu between arm and object.
+    """
+    return build_spec(get_robot(robot_name), get_object(object_name), friction).compile()
+
+
+def build_spec(robot: Robot, item: Object, friction: float) -> Any:
+    """The scene as an `mujoco.MjSpec`; its first coordinates are the robot's joints, then the object's pose.
+
+    Args:
+        robot: the robot.
+        item: the object.
+        friction: mu between arm and object.
+    """
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    option = spec.option
+    option.timestep = TIMESTEP
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # Coulomb's cone itself
+    if hasattr(mujoco.mjtEnableBit, "mjENBL_MULTICCD"):  # older releases find one contact of a face unless told
+        option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_MULTICCD)
+    spec.worldbody.add_geom(
+        name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1], rgba=TABLE_COLOUR, **_NO_COLLISION
+    )
+    links = _add_robot(spec, robot, item.height / 2)
+    parts = _add_object(spec, item)
+    for part in parts:
+        for link in links:
+            _add_pair(spec, link, part, friction)
+        _add_pair(spec, "table", part, TABLE_FRICTION)
+    return spec
+
+
+_NO_COLLISION = {"contype": 0, "conaffinity": 0}  # but for the explicit pairs
+
+
+def _add_robot(spec: Any, robot: Robot, height: float) -> list[str]:
+    """The chain with its drives; returns the names of its geoms."""
+    frames = [spec.worldbody.add_body(name="base", pos=[0, 0, height])]
+    for joint in robot.joints:
+        x, y, angle = joint.origin
+        body = frames[-1].add_body(name=joint.name, pos=[x, y, 0], quat=_turned(angle))
+        turns = joint.axis[2] != 0
+        kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
+        axis = [0, 0, joint.axis[2]] if turns else [*joint.axis[:2], 0]
+        body.add_joint(
+            name=joint.name, type=kind, axis=axis, armature=joint.armature,
+            range=[joint.lower, joint.upper], limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        )  # fmt: skip
+        frames.append(body)
+        drive = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        drive.gaintype, drive.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        drive.gainprm[0] = joint.stiffness
+        drive.biasprm[1], drive.biasprm[2] = -joint.stiffness, -joint.damping
+        drive.forcelimited, drive.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-joint.effort, joint.effort]
+    names = []
+    for link in robot.links:
+        names += _add_shapes(spec, frames[link.frame], link.name, link.shapes, height, link.mass, LINK_COLOUR, True)
+    return names
+
+
+def _add_object(spec: Any, item: Object) -> list[str]:
+    """The free object; returns the names of its geoms."""
+    body = spec.worldbody.add_body(name="object", pos=[0, 0, item.height / 2])
+    body.add_freejoint(name="object")
+    return _add_shapes(spec, body, "object", item.shapes, item.height / 2, item.mass, OBJECT_COLOUR, False)
+
+
+def _add_shapes(
+    spec: Any,
+    body: Any,
+    name: str,
+    shapes: tuple[RoundedPolygon, ...],
+    half: float,
+    mass: float,
+    colour: tuple[float, ...],
+    link: bool,
+) -> list[str]:
+    """One geom for each shape, with its share of the mass by area; returns their names."""
+    total, names = sum(shape.area for shape in shapes), []
+    for k, shape in enumerate(shapes):
+        names.append(f"{name} shape {k}")
+        form = _round_form(shape) if link and len(shape.vertices) < 3 else _upright_form(spec, names[-1], shape, half)
+        body.add_geom(name=names[-1], mass=mass * shape.area / total, rgba=colour, **form, **_NO_COLLISION)
+    return names
+
+
+def _round_form(shape: RoundedPolygon) -> dict[str, Any]:
+    """A sphere or a capsule: links are round in space."""
+    r = shape.radius
+    if len(shape.vertices) == 1:
+        return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [r, 0, 0], "pos": [*shape.vertices[0], 0]}
+    (x, y), (end_x, end_y) = shape.vertices
+    return {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [r, 0, 0], "fromto": [x, y, 0, end_x, end_y, 0]}
+
+
+def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> dict[str, Any]:
+    """A cylinder, a box, or an extruded convex mesh, from -half to half."""
+    if len(shape.vertices) == 1:
+        return {
+            "type": mujoco.mjtGeom.mjGEOM_CYLINDER,
+            "size": [shape.radius, half, 0],
+            "pos": [*shape.vertices[0], 0],
+        }
+    if shape.is_rectangle:
+        (x, y), (following_x, following_y) = (
+            shape.vertices[1] - shape.vertices[0],
+            shape.vertices[2] - shape.vertices[1],
+        )
+        return {
+            "type": mujoco.mjtGeom.mjGEOM_BOX,
+            "size": [np.hypot(x, y) / 2, np.hypot(following_x, following_y) / 2, half],
+            "pos": [*shape.vertices.mean(axis=0), 0],
+            "quat": _turned(np.arctan2(y, x)),
+        }
+    outline = shape.outline(ARC_POINTS)  # (m, 2)
+    corners = np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (-half, half)])
+    spec.add_mesh(name=name, uservert=corners.ravel())
+    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
+
+
+def _add_pair(spec: Any, first: str, second: str, friction: float) -> None:
+    spec.add_pair(
+        name=f"{first} on {second}", geomname1=first, geomname2=second, condim=3,
+        friction=[friction, friction, 0, 0, 0], solref=SOLREF, solimp=SOLIMP, margin=0.0, gap=0.0,
+    )  # fmt: skip
+
+
+def _turned(angle: float) -> list[float]:
+    """Quaternion of a turn about the vertical."""
+    return [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]
