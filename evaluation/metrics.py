@@ -77,7 +77,7 @@ def max_deviation(pose: np.ndarray, nominal: np.ndarray) -> np.ndarray:
 
     Args:
         pose: shape (B, N + 1, 3) or (B, N + 1, 2), m.
-        nominal: shape (N + 1, 3) or (N + 1, 2), m.
+        nominal: one for all or one for each, shape (N + 1, 3) or (B, N + 1, 3), or 2 instead of 3, m.
 
     Returns:
         Shape (B,), m.
