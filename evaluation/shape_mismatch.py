@@ -18,7 +18,7 @@ BESIDE = 1e-6  # rad; a normal jumps at a corner, so both of its sides are looke
 STAND_OFF = 1e-8  # m; on the surface itself, the distance has no gradient at a corner
 CLOSE = 1e-12  # m
 MAX_STEPS = 10_000
-ALIKE = 1e-6  # m, rad; values that differ by less are equal
+ALIKE = 1e-8  # m, rad; values that differ by less are equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +37,13 @@ class ShapeMismatch:
     normal_error: np.ndarray
 
     @property
-    def worst_displacement(self) -> tuple[float, float]:
-        """The largest displacement (m), and the first direction in which it occurs (rad)."""
+    def worst_displacement(self) -> tuple[float, np.ndarray]:
+        """The largest displacement (m), and the directions in which it occurs, shape (k,), rad."""
         return _worst(self.displacement, self.directions)
 
     @property
-    def worst_normal_error(self) -> tuple[float, float]:
-        """The largest normal error (rad), and the first direction in which it occurs (rad)."""
+    def worst_normal_error(self) -> tuple[float, np.ndarray]:
+        """The largest normal error (rad), and the directions in which it occurs, shape (k,), rad."""
         return _worst(self.normal_error, self.directions)
 
 
@@ -125,7 +125,7 @@ def _directions(shapes: Sequence[RoundedPolygon]) -> np.ndarray:
     return np.unique(np.concatenate([even, beside % (2 * np.pi)]))
 
 
-def _worst(values: np.ndarray, directions: np.ndarray) -> tuple[float, float]:
-    """The largest value and the first direction of those that have it."""
+def _worst(values: np.ndarray, directions: np.ndarray) -> tuple[float, np.ndarray]:
+    """The largest value and all directions that have it."""
     largest = float(np.nanmax(values))
-    return largest, float(directions[np.flatnonzero(values >= largest - ALIKE)[0]])
+    return largest, directions[np.flatnonzero(values >= largest - ALIKE)]

@@ -29,10 +29,10 @@ def test_polygons_around_the_circle_differ_most_at_their_corners(name, corners, 
     displacement, where = mismatch.worst_displacement
     assert displacement == pytest.approx(RADIUS * (1 / np.cos(np.pi / corners) - 1), abs=1e-7)
     assert 1e3 * displacement == pytest.approx(millimetres, abs=0.05)
-    assert where == pytest.approx(np.pi / corners, abs=1e-5)
+    assert np.unique(np.round(where, 4)) == pytest.approx((2 * np.arange(corners) + 1) * np.pi / corners, abs=1e-4)
     error, beside = mismatch.worst_normal_error
     assert error == pytest.approx(degrees * DEGREE, abs=1e-5)
-    assert beside == pytest.approx(where, abs=1e-5)
+    assert np.unique(np.round(beside, 4)) == pytest.approx(np.unique(np.round(where, 4)), abs=1e-4)
 
 
 def test_an_object_does_not_differ_from_itself():
@@ -54,7 +54,7 @@ def test_a_shifted_disc():
     assert mismatch.worst_displacement[0] == pytest.approx(shift, abs=1e-7)
     error, where = mismatch.worst_normal_error
     assert error == pytest.approx(np.arcsin(shift / RADIUS), abs=1e-6)
-    assert where == pytest.approx(np.pi / 2, abs=0.1 * DEGREE)
+    assert where[0] == pytest.approx(np.pi / 2, abs=0.1 * DEGREE)
 
 
 def test_rounded_corners_turn_smoothly():
@@ -67,7 +67,8 @@ def test_rounded_corners_turn_smoothly():
 
 def test_a_capsule_differs_at_its_ends():
     mismatch = shape_mismatch(CIRCLE, [capsule((-0.05, 0.0), (0.05, 0.0), RADIUS)])
-    assert mismatch.worst_displacement == pytest.approx((0.05, 0.0), abs=1e-6)
+    assert mismatch.worst_displacement[0] == pytest.approx(0.05, abs=1e-6)
+    assert np.unique(np.round(mismatch.worst_displacement[1], 3) % 6.283) == pytest.approx([0.0, np.pi], abs=1e-3)
     assert mismatch.worst_normal_error[0] == pytest.approx(np.arctan(0.05 / RADIUS), abs=0.1 * DEGREE)
 
 
