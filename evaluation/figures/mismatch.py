@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import MEAN, NOMINAL, Trajectory, bounds, figure_file, mix, mode_of, show_scene
+from evaluation.figures.base import GREY, MEAN, NOMINAL, Trajectory, bounds, figure_file, mix, mode_of, show_scene
 from evaluation.shape_mismatch import shape_mismatch, surface
+from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.rendering.drawing import GOAL, INK, OBJECT, draw_ghost, draw_goal, draw_object
 from piec_envs.world.objects import Object, get_object
 
@@ -45,7 +46,10 @@ class Executed:
 def mismatch_paths(
     plans: Sequence[Trajectory], executed: Sequence[Sequence[Executed]], path: str | os.PathLike
 ) -> Path:
-    """One panel for each plan: the nominal path solid and blue, executed ones dashed (one alone: red), the goal green.
+    """One column for each plan, the whole way above and its end below.
+
+    The nominal path is solid and blue, executed ones are dashed (one alone: red), the goal is green;
+    objects at the end have their true shapes.
 
     Args:
         plans: nominal executions.
@@ -55,22 +59,46 @@ def mismatch_paths(
     Returns:
         The path.
     """
-    shown = [
-        replace(plan, disturbed=np.stack([e.pose for e in runs])) for plan, runs in zip(plans, executed, strict=True)
-    ]
     pairs = list(zip(plans, executed, strict=True))
     shown = [replace(plan, disturbed=np.stack([run.pose for run in runs])) for plan, runs in pairs]
-    box = bounds(shown, [[plan.steps] for plan in plans])
-    height = PANEL * float(np.ptp(box[1]) / np.ptp(box[0]))
-    with figure_file(path, PANEL * len(plans), height + 0.65) as figure:
-        for ax, (plan, runs) in zip(np.ravel(figure.subplots(1, len(plans))), pairs, strict=True):
-            _draw_paths(ax, plan, runs)
+    whole, end = bounds(shown, [[plan.steps] for plan in plans]), end_box(pairs)
+    heights = [PANEL * float(np.ptp(box[1]) / np.ptp(box[0])) for box in (whole, end)]
+    with figure_file(path, PANEL * len(plans), sum(heights) + 0.75) as figure:
+        axes = figure.subplots(2, len(plans), height_ratios=heights, squeeze=False)
+        for (above, below), (plan, runs) in zip(axes.T, pairs, strict=True):
             mode = mode_of(plan.mode)
-            ax.set_title(mode.label, loc="left", color=mix(mode.colour, "black", 0.2), fontweight="bold")
-            show_scene(ax, box)
+            above.set_title(mode.label, loc="left", color=mix(mode.colour, "black", 0.2), fontweight="bold")
+            for ax, box in ((above, whole), (below, end)):
+                _draw_paths(ax, plan, runs)
+                show_scene(ax, box)
+            _frame(above, end)
+            _frame(below, end)
         handles = _path_handles([run.label for run in executed[0]])
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.6)
     return Path(path)
+
+
+def end_box(pairs: Sequence[tuple[Trajectory, Sequence[Executed]]], margin: float = 0.03) -> np.ndarray:
+    """Box around the goal regions and all objects at the end, at least as wide as high.
+
+    Args:
+        pairs: nominal executions, each with its executions under other plants.
+        margin: space around it, m.
+
+    Returns:
+        ((x_min, x_max), (y_min, y_max)), m.
+    """
+    points = []
+    for plan, runs in pairs:
+        outlines = [_placed(plan.object, plan.pose[-1])]
+        outlines += [_placed(get_object(run.object_name), run.pose[-1]) for run in runs]
+        points += [outline.T for outline in outlines]
+        points += [plan.goal[None] + shift for shift in (-GOAL_RADIUS, GOAL_RADIUS)]
+    cloud = np.concatenate(points)  # (m, 2)
+    box = np.stack([cloud.min(axis=0) - margin, cloud.max(axis=0) + margin], axis=1)
+    missing = max(0.0, float(np.ptp(box[1]) - np.ptp(box[0])))
+    box[0] += 0.5 * missing * np.array([-1, 1])
+    return box
 
 
 def _draw_paths(ax: Axes, plan: Trajectory, runs: Sequence[Executed]) -> None:
@@ -78,13 +106,27 @@ def _draw_paths(ax: Axes, plan: Trajectory, runs: Sequence[Executed]) -> None:
     draw_ghost(ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", INK, 0.3), alpha=1.0)
     draw_object(ax, plan.object, plan.pose[0], alpha=0.35, zorder=2)
     draw_goal(ax, plan.goal)
-    ax.plot(plan.pose[:, 0], plan.pose[:, 1], color=NOMINAL, lw=2.2, zorder=5)
-    draw_object(ax, plan.object, plan.pose[-1], facecolor="none", edgecolor=NOMINAL, linewidth=1.3, zorder=6)
+    ax.plot(plan.pose[:, 0], plan.pose[:, 1], color=mix(NOMINAL, "white", 0.25), lw=3.2, zorder=5)
+    ax.plot(*_placed(plan.object, plan.pose[-1]), color=mix(NOMINAL, "white", 0.25), lw=2.4, zorder=6)
+    ax.plot(*plan.pose[-1, :2], color=NOMINAL, marker="o", ms=6, zorder=6.7)
     for rank, run in enumerate(runs):
         colour, dashes = _style(rank)
-        ax.plot(run.pose[:, 0], run.pose[:, 1], color=colour, lw=1.5, ls=dashes, zorder=5.5)
-        last = {"facecolor": "none", "edgecolor": colour, "linewidth": 1.3, "zorder": 6.2}
-        draw_object(ax, get_object(run.object_name), run.pose[-1], **last)
+        ax.plot(run.pose[:, 0], run.pose[:, 1], color=colour, lw=1.3, ls=dashes, zorder=5.5)
+        ax.plot(*_placed(get_object(run.object_name), run.pose[-1]), color=colour, lw=1.3, ls=dashes, zorder=6.2)
+        ax.plot(*run.pose[-1, :2], color=colour, marker="o", ms=4, zorder=6.8)
+
+
+def _placed(item: Object, pose: np.ndarray) -> np.ndarray:
+    """Outline of an object at a pose (x, y, angle), shape (2, m), m."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return np.array([[c, -s], [s, c]]) @ _outline(item) + pose[:2, None]
+
+
+def _frame(ax: Axes, box: np.ndarray) -> None:
+    """A thin frame around the box that is shown below."""
+    (x_min, x_max), (y_min, y_max) = box
+    x, y = [x_min, x_max, x_max, x_min, x_min], [y_min, y_min, y_max, y_max, y_min]
+    ax.plot(x, y, color=GREY, lw=0.8, zorder=7, clip_on=False)
 
 
 def _style(rank: int) -> tuple[str, Any]:
@@ -94,10 +136,10 @@ def _style(rank: int) -> tuple[str, Any]:
 def _path_handles(labels: Sequence[str]) -> list:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=NOMINAL, lw=2.2, label="nominal")]
+    handles = [Line2D([], [], color=mix(NOMINAL, "white", 0.25), lw=3.2, label="nominal")]
     for rank, label in enumerate(labels):
         colour, dashes = _style(rank)
-        handles.append(Line2D([], [], color=colour, lw=1.5, ls=dashes, label=label))
+        handles.append(Line2D([], [], color=colour, lw=1.3, ls=dashes, label=label))
     goal = Line2D([], [], color=GOAL, marker="o", ms=8, mfc=mix(GOAL, "white", 0.6), lw=0, label="goal region")
     return [*handles, goal]
 

@@ -171,7 +171,7 @@ def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     first, rates = results[0], [result["success_rate"] for result in results]
     return {
         "plans": len(results),
-        "n": _executions(results),
+        "n": executions(results),
         "first plan": wilson_interval(first["successes"], first["n"]),
         "each plan": Rates(rates),
         "mean over plans": bootstrap_interval(rates),
@@ -179,10 +179,10 @@ def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _executions(results: Sequence[Mapping[str, Any]]) -> str:
+def executions(results: Sequence[Mapping[str, Any]], name: str = "n") -> str:
     """How many distinct executions, such as "5 x 100"."""
-    counts = sorted({result["n"] for result in results})
-    return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result["n"] for result in results))
+    counts = sorted({result[name] for result in results})
+    return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result[name] for result in results))
 
 
 def distance_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
