@@ -42,7 +42,7 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls(("contact", "caging"), (0,), starts=2, planner=SMOKE_PLANNER)
+        return cls(("contact", "caging"), (0,), starts=1, planner=SMOKE_PLANNER)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
