@@ -77,7 +77,7 @@ def max_deviation(pose: np.ndarray, nominal: np.ndarray) -> np.ndarray:
 
     Args:
         pose: shape (B, N + 1, 3) or (B, N + 1, 2), m.
-        nominal: shape (N + 1, 3) or (N + 1, 2), m.
+        nominal: one for all or one for each, shape (N + 1, 3) or (B, N + 1, 3), or 2 instead of 3, m.
 
     Returns:
         Shape (B,), m.
@@ -112,8 +112,8 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
 
     Returns:
         JSON values: executions and episodes; successes among the distinct executions, with rate and
-        Wilson interval; mean and standard deviation over the executions of d2g and goal distance
-        (m); and means over executions and time of the arm's distances (m), the tracking error (m;
+        Wilson interval; how many of them diverged; mean and standard deviation over the executions of
+        d2g and goal distance (m); and means over executions and time of the arm's distances (m), the tracking error (m;
         None without a reference), the caging (None without a field) and each link's contact.
     """
     kept = evaluation.distinct
@@ -129,6 +129,7 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
         "success_rate": rate,
         "success_low": low,
         "success_high": high,
+        "diverged": int(evaluation.diverged[kept].sum()),
         "d2g_mean": float(evaluation.d2g[kept].mean()),
         "d2g_std": float(evaluation.d2g[kept].std()),
         "goal_distance_mean": float(final.mean()),

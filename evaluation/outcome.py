@@ -32,6 +32,8 @@ class Evaluation:
         q_r: joint positions, shape (B, N + 1, n), rad or m.
         success: whether the episode counts as a success, shape (B,).
         d2g: distance to the goal region after the last step, shape (B,), m.
+        diverged: whether the simulation became unstable, shape (B,); from then on all arrays hold their
+            last good entries.
         every: steps between two entries of the time axis, 1 unless read from a thinned file.
     """
 
@@ -46,6 +48,7 @@ class Evaluation:
     q_r: np.ndarray
     success: np.ndarray
     d2g: np.ndarray
+    diverged: np.ndarray
     every: int = 1
 
     @property
@@ -105,7 +108,9 @@ class Evaluation:
                     raise RecordError(f"{path} has format {data['format']}, but {FORMAT} is needed")
                 meta = json.loads(str(data["meta"]))
                 arrays = {name: data[name] for name in data.files if name not in ("format", "meta")}
-            return cls(**meta, **{"caging": None, **arrays})
+            # Files from before simulations could diverge do not say so.
+            stable = np.zeros(len(arrays["success"]), dtype=bool)
+            return cls(**meta, **{"caging": None, "diverged": stable, **arrays})
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             if isinstance(error, RecordError):
                 raise

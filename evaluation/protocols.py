@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from piec_envs.errors import check_name
@@ -27,6 +27,18 @@ class Protocol:
     params: Mapping[str, Any] = field(default_factory=dict)
     start_noise: tuple[float, float] | None = None
 
+    @property
+    def unperturbed(self) -> str:
+        """Name of the protocol that it is compared with: the same starts, or the task's, and the env's own plant."""
+        return "nominal-start" if self.start_noise and self.params else "nominal"
+
+    @property
+    def with_start(self) -> Protocol:
+        """The same plant from starts that are drawn around the task's."""
+        position, angle = START_NOISE
+        description = f"{self.description}; starts are drawn within {position:g} m and {angle:g} rad"
+        return replace(self, name=f"{self.name}-start", description=description, start_noise=START_NOISE)
+
     def env_kwargs(self, base: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Keyword arguments of the evaluated env.
 
@@ -46,6 +58,20 @@ def is_random(env_kwargs: Mapping[str, Any]) -> bool:
     return bool(env_kwargs.get("disturbance") or any(noise) or env_kwargs.get("randomize"))
 
 
+def _frictions() -> list[Protocol]:
+    values = (0.0, 0.25, 0.5, 0.75, 1.0)
+    return [
+        Protocol(f"friction-{mu:.2f}", f"friction between arm and object is {mu:g}", {"friction": mu}) for mu in values
+    ]
+
+
+def _shapes() -> list[Protocol]:
+    names = ("octagon", "hexagon", "square")
+    return [
+        Protocol(f"shape-{name}", f"the object is the {name} around the circle", {"object": name}) for name in names
+    ]
+
+
 def _disturbances() -> list[Protocol]:
     rows = []
     for kind, suffix, meaning in (
@@ -63,15 +89,25 @@ def _disturbances() -> list[Protocol]:
     return rows
 
 
-PROTOCOLS = {
-    row.name: row
-    for row in (
-        Protocol("nominal", "the env as it is; without randomness every episode is the same one"),
-        *_disturbances(),
-        Protocol("adversary", "the object flees down the escape-time field at u_bar", {"adversary": 1.0}),
-        Protocol("start", "the object's start is drawn within 0.01 m and 0.05 rad", start_noise=START_NOISE),
-    )
+_COMBINED = {
+    "dynamics": "mujoco",
+    "object": "square",
+    "friction": 0.25,
+    "disturbance": 0.005,
+    "disturbance_kind": "gaussian",
 }
+
+_ROWS = (
+    Protocol("nominal", "the env as it is; without randomness every episode is the same one"),
+    *_frictions(),
+    *_shapes(),
+    Protocol("dynamics-mujoco", "second-order contact dynamics, by MuJoCo", {"dynamics": "mujoco"}),
+    *_disturbances(),
+    Protocol("adversary", "the object flees down the escape-time field at u_bar", {"adversary": 1.0}),
+    Protocol("combined", "MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once", _COMBINED),
+)
+
+PROTOCOLS = {protocol.name: protocol for row in _ROWS for protocol in (row, row.with_start)}
 
 
 def get_protocol(name: str) -> Protocol:

@@ -21,7 +21,7 @@ from piec_envs.registration import MOTIONS
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
 NOT_IN_SPEC = ("threads", "render_mode")  # keyword arguments that change no result
-_MEASURED = ("goal_distance", "min_distance", "mean_distance", "tracking_error")
+_MEASURED = ("goal_distance", "d2g", "min_distance", "mean_distance", "tracking_error")
 
 Predict = Callable[..., tuple[Any, Any]]
 
@@ -39,6 +39,7 @@ def evaluate(
 
     Episode i has seed + i and does not depend on the others. Where neither the protocol nor the
     env draws anything, a policy with `predict` does the same in every episode, so one is run.
+    An episode whose simulation becomes unstable has failed, and stays where it was last stable.
 
     Args:
         policy: anything with Stable-Baselines3's `predict` (a plan's `OpenLoopPolicy`, an SB3
@@ -121,13 +122,16 @@ def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict
     arrays = _blank(batch, steps)
     _write(arrays, batch, 0)
     state, first = None, np.ones(len(seeds), dtype=bool)
+    diverged = np.zeros(len(seeds), dtype=bool)
     for t in tqdm(range(1, steps + 1), desc=label, unit="step", disable=not label, delay=1.0, leave=False):
         action, state = predict(observation, state=state, episode_start=first, deterministic=True)
         observation, *_ = envs.step(np.asarray(action))
         _write(arrays, batch, t)
+        diverged |= batch.state.diverged
+        _hold(arrays, diverged, t)
         first = np.zeros(len(seeds), dtype=bool)
-    info = batch_info(batch)
-    return {**arrays, "success": info["is_success"], "d2g": info["d2g"]}
+    success = batch_info(batch)["is_success"] & ~diverged
+    return {**arrays, "success": success, "d2g": arrays["d2g"][:, -1], "diverged": diverged}
 
 
 def _blank(batch: EpisodeBatch, steps: int) -> dict[str, np.ndarray]:
@@ -151,3 +155,9 @@ def _write(arrays: dict[str, np.ndarray], batch: EpisodeBatch, t: int) -> None:
     arrays["contact"][:, t] = batch.contact
     arrays["pose"][:, t] = batch.state.pose
     arrays["q_r"][:, t] = batch.state.q_r
+
+
+def _hold(arrays: dict[str, np.ndarray], rows: np.ndarray, t: int) -> None:
+    """Keep the last good entry of rows that diverged: what follows in them is a new episode."""
+    for values in arrays.values():
+        values[rows, t] = values[rows, t - 1]

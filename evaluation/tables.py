@@ -35,6 +35,14 @@ class Rates(tuple[float, ...]):
     """Rates of several plans, or one: `100, 97 %` in Markdown, fractions in CSV."""
 
 
+class Estimate(NamedTuple):
+    """A mean between the bounds of its interval: `0.041 [0.039, 0.044]`."""
+
+    value: float
+    low: float
+    high: float
+
+
 class Spread(NamedTuple):
     """Mean and standard deviation: `0.041 ± 0.002`."""
 
@@ -53,6 +61,8 @@ def cell(value: Any) -> str:
         return "-"
     if isinstance(value, Interval):
         return percent(value)
+    if isinstance(value, Estimate):
+        return f"{value.value:.3f} [{value.low:.3f}, {value.high:.3f}]"
     if isinstance(value, Spread):
         return f"{value.mean:.3f} ± {value.deviation:.3f}"
     if isinstance(value, Rates):
@@ -93,7 +103,7 @@ def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = ""
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV with numbers in full; an interval becomes three columns, a spread two."""
+    """Rows as CSV with numbers in full; an interval or an estimate becomes three columns, a spread two."""
     flat = [_flatten(row) for row in rows]
     out = io.StringIO()
     writer = csv.DictWriter(out, columns_of(flat), lineterminator="\n")
@@ -105,7 +115,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 def _flatten(row: Mapping[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, value in row.items():
-        if isinstance(value, Interval):
+        if isinstance(value, Interval | Estimate):
             flat.update({name: value.value, f"{name} low": value.low, f"{name} high": value.high})
         elif isinstance(value, Spread):
             flat.update({name: value.mean, f"{name} std": value.deviation})

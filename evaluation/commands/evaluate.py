@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> Report:
 
 _NOTE = (
     "n counts distinct executions; the interval is Wilson's, at 95 %, within one plan. "
+    "Diverged executions, whose simulation became unstable, count as failed. "
     "d2g is the distance to the goal region at the end, mean ± standard deviation."
 )
 
@@ -86,6 +87,7 @@ def _row(path: Path, protocol: str, result: dict[str, Any]) -> dict[str, Any]:
         "protocol": protocol,
         "n": result["n"],
         "success": wilson_interval(result["successes"], result["n"]),
+        "diverged": result.get("diverged", 0),  # not in records from before simulations could
         "d2g, m": Spread(result["d2g_mean"], result["d2g_std"]),
         "arm distance, m": result["mean_distance"],
         "caging": result["mean_caging"],

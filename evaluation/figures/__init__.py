@@ -4,16 +4,20 @@ from evaluation.figures.animation import animate_rollouts
 from evaluation.figures.base import MODES, Mode, Trajectory
 from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
 from evaluation.figures.fields import RelativeError, error_map, field_comparison
+from evaluation.figures.mismatch import Executed, mismatch_paths, shape_mismatches
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
 from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, value_dots
+from evaluation.figures.robustness import Robustness, robustness
 from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
 
 __all__ = [
     "MODES",
+    "Executed",
     "Mode",
     "ObstaclePanel",
     "PosturePanel",
     "RelativeError",
+    "Robustness",
     "Trajectory",
     "animate_rollouts",
     "contact_fractions",
@@ -24,10 +28,13 @@ __all__ = [
     "field_strip",
     "final_distances",
     "keyframes",
+    "mismatch_paths",
     "over_time",
     "overview",
     "posture_grid",
     "posture_row",
+    "robustness",
+    "shape_mismatches",
     "trajectories",
     "value_dots",
 ]

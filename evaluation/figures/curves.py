@@ -22,6 +22,7 @@ BAND = (0.1, 0.9)  # quantiles
 
 Series = Mapping[str, np.ndarray]  # mode -> (N + 1,) or (M, N + 1)
 Sweep = Mapping[str, Mapping[float, np.ndarray]]  # mode -> sigma in m -> samples
+Samples = Mapping[str, Mapping[Any, np.ndarray]]  # mode -> sigma in m, or name of a plant -> samples
 
 
 def contact_fractions(fractions: Series, path: str | os.PathLike, links: Sequence[str] | None = None) -> Path:
@@ -131,31 +132,31 @@ def _bundle(ax: Axes, rows: np.ndarray, colour: str, period: float) -> None:
     ax.set_xlim(0, time[-1])
 
 
-def final_distances(final: Sweep, path: str | os.PathLike) -> Path:
-    """Final object-to-goal distance: boxes with all samples, for each mode and sigma.
+def final_distances(final: Samples, path: str | os.PathLike) -> Path:
+    """Final object-to-goal distance: boxes with all samples, for each mode and plant.
 
     Args:
-        final: mode -> sigma in m -> (M,), m.
+        final: mode -> sigma in m, or name of the plant -> (M,), m.
         path: where to write the PNG.
 
     Returns:
         The path.
     """
-    sigmas = sorted({sigma for row in final.values() for sigma in row})
+    plants = list(dict.fromkeys(plant for row in final.values() for plant in row))
     width = 0.82 / len(final)
-    with figure_file(path, 1.4 + 1.5 * len(sigmas), 2.8) as figure:
+    with figure_file(path, max(5.9, 1.4 + 1.5 * len(plants)), 2.8) as figure:  # the legend needs its room
         ax = figure.subplots()
         for rank, (name, row) in enumerate(final.items()):
             mode = mode_of(name, list(final))
-            for k, sigma in enumerate(sigmas):
-                if sigma in row:
+            for k, plant in enumerate(plants):
+                if plant in row:
                     where = k + (rank - (len(final) - 1) / 2) * width
-                    _box(ax, where, np.asarray(row[sigma]), 0.8 * width, mode.colour)
+                    _box(ax, where, np.asarray(row[plant]), 0.8 * width, mode.colour)
             ax.plot([], [], color=mode.colour, lw=6, alpha=0.5, label=mode.label)
         ax.axhline(GOAL_RADIUS, color=GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1, label="goal radius")
-        ax.set_xticks(range(len(sigmas)), [_sigma(sigma) for sigma in sigmas])
+        ax.set_xticks(range(len(plants)), [plant if isinstance(plant, str) else _sigma(plant) for plant in plants])
         ax.tick_params(axis="x", length=0)
-        ax.set_xlim(-0.5, len(sigmas) - 0.5)
+        ax.set_xlim(-0.5, len(plants) - 0.5)
         ax.set_ylim(0)
         ax.set_ylabel("final distance to the goal [m]")
         _legend(figure, ax)

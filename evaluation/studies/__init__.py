@@ -63,6 +63,26 @@ STUDIES = {
             "evaluation.studies.planar_adversary",
             "planning against a fleeing object, mode 4, beside mode 3 (paper, appendix B.1)",
         ),
+        Study(
+            "planar-dynamics",
+            "evaluation.studies.planar_dynamics",
+            "plans of the quasi-dynamic model executed under MuJoCo (paper, section 6.3.1)",
+        ),
+        Study(
+            "planar-shape",
+            "evaluation.studies.planar_shape",
+            "plans for a circle executed with polygons (paper, section 6.3.2)",
+        ),
+        Study(
+            "planar-friction",
+            "evaluation.studies.planar_friction",
+            "plans for one friction executed under others (paper, section 6.3.3)",
+        ),
+        Study(
+            "planar-robustness",
+            "evaluation.studies.planar_robustness",
+            "all perturbations in one table: contact models and displacements (paper, section 6)",
+        ),
     )
 }
 

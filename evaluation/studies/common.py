@@ -15,12 +15,14 @@ from evaluation.figures.base import mode_of
 from evaluation.jobs import Context, Work, run_recorded
 from evaluation.metrics import bootstrap_interval, wilson_interval
 from evaluation.outcome import Evaluation
+from evaluation.protocols import get_protocol, is_random
 from evaluation.studies import PUSH
 from evaluation.studies.work import drawn_evaluation, evaluation_spec, get_plan, plan_file, plan_spec
 from evaluation.tables import Rates, Spread
 from planners import Plan
 
 PLANNER_SEEDS = (0, 1, 2, 3, 4)
+DRAWN_STARTS = 20
 SMOKE_PLANNER = {"iterations": 2, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
 # One search of 100 iterations with 50 samples, from rest (paper, appendix A.2.1).
 PAPER_PLANNER = {"preset": "paper", "restarts": 1, "robust_iterations": 0, "start": "rest"}
@@ -81,6 +83,7 @@ class StudyRun:
         episodes: rollouts of each plan under each random protocol.
         jobs: workers, or an executor.
         progress: whether to show progress.
+        starts: rollouts under protocols that draw the start alone.
         cache: folder with the plans that studies share; None takes the one above `out_dir`.
     """
 
@@ -89,6 +92,7 @@ class StudyRun:
     episodes: int
     jobs: Any = 1
     progress: bool = True
+    starts: int = DRAWN_STARTS
     cache: Path | None = None
 
     @property
@@ -119,7 +123,7 @@ class StudyRun:
         Returns:
             For each case the results of `evaluate_once`, one for each seed.
         """
-        works = [case.evaluation_work(seed, protocol, self.episodes) for case in cases for seed in self.seeds]
+        works = [self._evaluation(case, seed, protocol) for case in cases for seed in self.seeds]
         return self._by_case(self._run(works, f"evaluating, {protocol}"))
 
     def load_plan(self, case: Case, seed: int) -> Plan:
@@ -128,8 +132,13 @@ class StudyRun:
 
     def load_evaluation(self, case: Case, seed: int, protocol: str) -> Evaluation:
         """What the plan of one seed did, for figures."""
-        work = case.evaluation_work(seed, protocol, self.episodes)
+        work = self._evaluation(case, seed, protocol)
         return drawn_evaluation(work.spec, seed, self.context)
+
+    def _evaluation(self, case: Case, seed: int, protocol: str) -> Work:
+        row = get_protocol(protocol)
+        starts_alone = row.start_noise is not None and not is_random(row.params)
+        return case.evaluation_work(seed, protocol, self.starts if starts_alone else self.episodes)
 
     def draw(self, *drawings: Callable[[], Path]) -> list[Path]:
         """Make figures one after the other; returns their files."""
@@ -162,7 +171,7 @@ def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     first, rates = results[0], [result["success_rate"] for result in results]
     return {
         "plans": len(results),
-        "n": _executions(results),
+        "n": executions(results),
         "first plan": wilson_interval(first["successes"], first["n"]),
         "each plan": Rates(rates),
         "mean over plans": bootstrap_interval(rates),
@@ -170,10 +179,10 @@ def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _executions(results: Sequence[Mapping[str, Any]]) -> str:
+def executions(results: Sequence[Mapping[str, Any]], name: str = "n") -> str:
     """How many distinct executions, such as "5 x 100"."""
-    counts = sorted({result["n"] for result in results})
-    return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result["n"] for result in results))
+    counts = sorted({result[name] for result in results})
+    return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result[name] for result in results))
 
 
 def distance_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

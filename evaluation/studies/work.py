@@ -18,6 +18,7 @@ import numpy as np
 from evaluation.jobs import Context
 from evaluation.metrics import max_deviation, summarise
 from evaluation.outcome import Evaluation
+from evaluation.protocols import get_protocol
 from evaluation.records import work_key
 from evaluation.rollout import NOT_IN_SPEC, evaluate
 from piec_envs.errors import PlanError, RecordError
@@ -122,18 +123,38 @@ def plan_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, An
 
 
 def evaluate_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Evaluate a plan.
+    """Evaluate a plan, and compare it with its executions under the protocol's unperturbed twin.
+
+    Row i is compared with the twin's row of the same seed, hence of the same drawn start; a twin
+    that draws nothing is one execution, with which all rows are compared.
 
     Returns:
-        What `summarise` returns, and `deviation`: the mean over the episodes of the object's largest
-        distance from where it is without disturbance at the same time, m.
+        What `summarise` returns; `deviation`: the object's largest distance from where the twin has
+        it at the same time, and `final_deviation`: the distance at the end, both m and means over the
+        distinct executions; and of the twin `unperturbed_n`, `unperturbed_success_rate` and
+        `unperturbed_d2g`, m.
     """
     evaluation = get_evaluation(spec, seed, context)
+    twin = _unperturbed(spec, seed, context)
+    kept = evaluation.distinct
+    same = kept if twin.episodes > 1 else np.zeros(1, dtype=int)
+    pose, twin_pose = evaluation.pose[kept], twin.pose[same]
+    return {
+        **summarise(evaluation),
+        "deviation": float(max_deviation(pose, twin_pose).mean()),
+        "final_deviation": float(max_deviation(pose[:, -1:], twin_pose[:, -1:]).mean()),
+        "unperturbed_n": len(same),
+        "unperturbed_success_rate": float(twin.success[same].mean()),
+        "unperturbed_d2g": float(twin.d2g[same].mean()),
+    }
+
+
+def _unperturbed(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
+    """The twin's executions with the same seeds; without an escape field, which the motion does not need."""
     plant = {**spec["env_kwargs"], "threads": context.threads, "escape_field": None}
-    policy = OpenLoopPolicy(get_plan(spec["plan"], seed, context))
-    nominal = evaluate(policy, spec["plan"]["env_id"], env_kwargs=plant)
-    deviation = max_deviation(evaluation.pose, nominal.pose[0])
-    return {**summarise(evaluation), "deviation": float(np.mean(deviation))}
+    policy, env_id = OpenLoopPolicy(get_plan(spec["plan"], seed, context)), spec["plan"]["env_id"]
+    protocol = get_protocol(spec["protocol"]).unperturbed
+    return evaluate(policy, env_id, protocol, spec["episodes"], 1000 * seed, plant)
 
 
 def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:

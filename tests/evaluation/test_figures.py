@@ -15,12 +15,16 @@ from evaluation import figures
 from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
 from evaluation.figures.base import MODES, bounds, mode_of
 from evaluation.figures.fields import RelativeError, view
+from evaluation.figures.mismatch import end_box
 from evaluation.figures.scenes import keyframe_steps, strip_steps
+from evaluation.metrics import Interval
 from evaluation.studies.annulus import Annulus
+from evaluation.tables import Estimate
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.obstacle import ObstacleField
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,6 +66,15 @@ FIELDS = {"exact": EXACT, "coarse": COARSE}
 CURLED = np.array([[0.1, 1.15, 1.89, 1.29], [1.9, -0.81, -2.18, -0.96]])
 WITHIN = np.array([[0.34, 0.28], [0.05, 0.43]])
 
+EXECUTED = [
+    [figures.Executed(name, name, run) for name, run in zip(("square", "hexagon"), plan.disturbed, strict=False)]
+    for plan in PLANS
+]
+ROW = figures.Robustness(
+    Interval(0.6, 0.2, 0.9), Interval(1.0, 1.0, 1.0), Estimate(0.1, 0.08, 0.2), Estimate(0.0, 0.0, 0.0)
+)
+ROBUST = {name: {plan.mode: ROW for plan in PLANS} for name in ("friction-0.00", "friction-1.00", "shape-square")}
+
 DRAW = {
     "keyframes": lambda path: figures.keyframes(PLANS, path),
     "trajectories": lambda path: figures.trajectories(PLANS, path),
@@ -73,6 +86,11 @@ DRAW = {
     "over_time": lambda path: figures.over_time(SERIES, "distance [m]", path),
     "distance_bands": lambda path: figures.distance_bands(SWEEP, path),
     "final_distances": lambda path: figures.final_distances(FINAL, path),
+    "mismatch_paths": lambda path: figures.mismatch_paths(PLANS, EXECUTED, path),
+    "shape_mismatches": lambda path: figures.shape_mismatches(
+        get_object("circle"), [get_object("square"), get_object("three_discs")], path
+    ),
+    "robustness": lambda path: figures.robustness(ROBUST, path),
     "escape_times": lambda path: figures.escape_times([PANEL], path),
     "field_comparison": lambda path: figures.field_comparison(FIELDS, CURLED, WITHIN, path),
     "error_map": lambda path: figures.error_map(EXACT, {"coarse": COARSE}, CURLED, path),
@@ -88,7 +106,9 @@ def test_figure_is_written(name, tmp_path):
     assert [file.name for file in path.parent.iterdir()] == [path.name]  # no temporary file is left
 
 
-@pytest.mark.parametrize("name", ["trajectories", "final_distances", "escape_times", "field_comparison", "error_map"])
+@pytest.mark.parametrize(
+    "name", ["trajectories", "final_distances", "mismatch_paths", "escape_times", "field_comparison", "error_map"]
+)
 def test_figures_repeat_bit_for_bit(name, tmp_path):
     first, second = (DRAW[name](tmp_path / f"{k}.png").read_bytes() for k in range(2))
     assert first == second
@@ -102,8 +122,10 @@ def test_figures_repeat_bit_for_bit(name, tmp_path):
         (figures.overview, [replace(PLANS[0], mode="rigid-carry", object_name="square")]),
         (figures.trajectories, [replace(PLANS[0], reference=PLANS[0].pose[:, :2], period=1.0)]),
         (figures.distance_bands, {"caging": {0.005: SERIES["caging"]}}),
+        (figures.final_distances, {"caging": {"square": SERIES["caging"][:, -1]}}),
+        (figures.robustness, {"combined": {"caging": ROW}}),
     ],
-    ids=["one plan", "no disturbed executions", "another mode and object", "reference", "one panel"],
+    ids=["one plan", "no disturbed executions", "another mode and object", "reference", "one panel", "name", "one row"],
 )
 def test_one_panel_is_enough(draw, data, tmp_path):
     assert draw(data, tmp_path / "one.png").is_file()
@@ -117,6 +139,19 @@ def test_one_field_shown_whole_is_enough(tmp_path):
 
 def test_single_curves_need_no_band(tmp_path):
     assert figures.over_time({"caging": np.linspace(0, 1, 11)}, "caging", tmp_path / "curve.png").is_file()
+
+
+def test_one_executed_path_and_one_shape_are_enough(tmp_path):
+    assert figures.mismatch_paths(PLANS[:1], [EXECUTED[0][:1]], tmp_path / "paths.png").is_file()
+    square = get_object("square")
+    assert figures.shape_mismatches(square, [square], tmp_path / "shapes.png").is_file()
+
+
+def test_the_close_up_contains_the_goal_and_the_true_objects_at_the_end():
+    (x_min, x_max), (y_min, y_max) = end_box(list(zip(PLANS, EXECUTED, strict=True)))
+    ends = np.stack([GOAL, *(run.pose[-1, :2] for runs in EXECUTED for run in runs)])
+    assert (ends - 0.075 > [x_min, y_min]).all() and (ends + 0.075 < [x_max, y_max]).all()
+    assert x_max - x_min >= y_max - y_min
 
 
 def test_steps_start_with_the_first_contact():

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import count
 
 import gymnasium as gym
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import evaluation.rollout
 from evaluation import Evaluation, evaluate, summarise
+from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.errors import InvalidActionError, InvalidParameterError, PlanError, RecordError, UnknownNameError
 from planners import OpenLoopPolicy
 
@@ -64,7 +66,7 @@ def test_a_policy_with_predict_gets_its_state_back():
             return np.zeros((len(observation), 4), dtype=np.float32), self.seen
 
     policy = Counter()
-    evaluate(policy, PUSH, "start", episodes=2, env_kwargs=NO_FIELD)
+    evaluate(policy, PUSH, "nominal-start", episodes=2, env_kwargs=NO_FIELD)
     assert policy.seen == 1000
 
 
@@ -101,7 +103,7 @@ def test_a_plan_with_other_joints_is_refused(sweep_plan):
 
 
 def test_file_round_trip(sweep_plan, tmp_path):
-    full = evaluate(OpenLoopPolicy(sweep_plan), TRACK.replace("Track", "Push"), "start", 2, env_kwargs=NO_FIELD)
+    full = evaluate(OpenLoopPolicy(sweep_plan), TRACK.replace("Track", "Push"), "nominal-start", 2, env_kwargs=NO_FIELD)
     assert_same(full, Evaluation.load(full.save(tmp_path / "full.npz")))
     thin = Evaluation.load(full.save(tmp_path / "thin.npz", every=10))
     assert (thin.every, thin.goal_distance.shape, thin.d2g.shape) == (10, (2, 101), (2,))
@@ -116,3 +118,45 @@ def test_file_round_trip(sweep_plan, tmp_path):
     for name in ("cut.npz", "foreign.npz", "missing.npz"):
         with pytest.raises(RecordError, match=name):
             Evaluation.load(tmp_path / name)
+
+
+def diverge(monkeypatch, row: int, step: int) -> None:
+    """Make the simulation of one row of the first batch unstable in this step."""
+    original, times = QuasiDynamics.rollout, count(1)
+
+    def rollout(*arguments):
+        motion = original(*arguments)
+        if motion.actions.shape[1] == 1 and next(times) == step:
+            motion.hold(row, 0)
+        return motion
+
+    monkeypatch.setattr(QuasiDynamics, "rollout", rollout)
+
+
+@pytest.mark.parametrize("step", [1, 400, 1000])
+def test_a_row_that_diverges_holds_its_last_good_entries_and_fails(sweep_plan, monkeypatch, step):
+    def run():
+        everywhere = {**NO_FIELD, "goal": [0.55, 0.25]} if step == 1 else NO_FIELD  # starts at the goal
+        return evaluate(OpenLoopPolicy(sweep_plan), PUSH, "disturbance-5mm", episodes=3, env_kwargs=everywhere)
+
+    whole = run()
+    diverge(monkeypatch, row=1, step=step)
+    cut = run()
+    assert whole.diverged.tolist() == [False] * 3 and summarise(whole)["diverged"] == 0
+    assert cut.diverged.tolist() == [False, True, False] and summarise(cut)["diverged"] == 1
+    assert not cut.success[1]
+    assert cut.d2g[1] == max(0.0, cut.goal_distance[1, step - 1] - 0.05)
+    for name in ("goal_distance", "min_distance", "mean_distance", "tracking_error", "contact", "pose", "q_r"):
+        before, after = getattr(whole, name), getattr(cut, name)
+        assert np.array_equal(before[[0, 2]], after[[0, 2]]), name
+        assert np.array_equal(before[1, :step], after[1, :step]), name
+        assert (after[1, step:] == after[1, step - 1]).all(), name
+
+
+def test_files_from_before_simulations_could_diverge_are_read(sweep_plan, tmp_path):
+    seen = evaluate(OpenLoopPolicy(sweep_plan), PUSH, "nominal-start", 2, env_kwargs=NO_FIELD)
+    file = dataclasses.replace(seen, diverged=np.array([True, False])).save(tmp_path / "new.npz")
+    assert Evaluation.load(file).diverged.tolist() == [True, False]
+    with np.load(file) as data:
+        np.savez(tmp_path / "old.npz", **{name: data[name] for name in data.files if name != "diverged"})
+    assert Evaluation.load(tmp_path / "old.npz").diverged.tolist() == [False, False]

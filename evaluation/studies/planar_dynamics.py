@@ -1,0 +1,71 @@
+"""Plans of the quasi-dynamic model executed under MuJoCo (paper, section 6.3.1).
+
+The plans of `planar-objectives` are executed open loop under second-order contact dynamics, with
+inertia and transients, from the task's start and from drawn ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
+from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes
+from evaluation.tables import write_table
+
+NOTES = "Plans are made with the quasi-dynamic model, under which `nominal` executes them."
+LABELS = {"nominal": "quasi-dynamic", "dynamics-mujoco": "MuJoCo"}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All knobs of the study.
+
+    Args:
+        objectives: what to compare.
+        planner_seeds: one plan of each objective for each.
+        protocols: the true dynamics.
+        starts: executions of each plan from drawn starts.
+        planner: arguments of `CmaEsPlanner` beside the objective.
+        env_kwargs: keyword arguments of the environment.
+    """
+
+    objectives: tuple[str, ...] = ("contact", "proximity", "caging")
+    planner_seeds: tuple[int, ...] = PLANNER_SEEDS
+    protocols: tuple[str, ...] = ("dynamics-mujoco",)
+    starts: int = DRAWN_STARTS
+    planner: Mapping[str, Any] = field(default_factory=dict)
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def smoke(cls) -> Settings:
+        """Tiny budgets, to see that everything runs."""
+        return cls(("contact", "caging"), (0,), starts=1, planner=SMOKE_PLANNER)
+
+
+def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
+    """Run the study, or go on where it was stopped.
+
+    Args:
+        settings: the knobs.
+        out_dir: results/planar-dynamics; plans are cached in the folder above.
+        jobs: workers, or an executor.
+        progress: whether to show progress.
+
+    Returns:
+        The files written.
+    """
+    study = StudyRun(Path(out_dir), settings.planner_seeds, 1, jobs, progress, settings.starts)
+    cases = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
+    study.plan(cases)
+    results = evaluate_all(study, cases, ("nominal", *settings.protocols))
+    title = "Plans of the quasi-dynamic model under MuJoCo"
+    tables = write_table(study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES))
+    return [
+        *tables,
+        *draw_mismatch(
+            study, cases, settings.protocols, ("nominal", *settings.protocols), lambda name: LABELS.get(name, name)
+        ),
+    ]
