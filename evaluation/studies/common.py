@@ -15,7 +15,7 @@ from evaluation.figures.base import mode_of
 from evaluation.jobs import Context, Work, run_recorded
 from evaluation.metrics import bootstrap_interval, wilson_interval
 from evaluation.outcome import Evaluation
-from evaluation.protocols import get_protocol, is_random
+from evaluation.protocols import get_protocol
 from evaluation.studies import PUSH
 from evaluation.studies.work import drawn_evaluation, evaluation_spec, get_plan, plan_file, plan_spec
 from evaluation.tables import Rates, Spread
@@ -83,7 +83,7 @@ class StudyRun:
         episodes: rollouts of each plan under each random protocol.
         jobs: workers, or an executor.
         progress: whether to show progress.
-        starts: rollouts under protocols that draw the start alone.
+        starts: rollouts of each plan under each protocol that draws the start.
         cache: folder with the plans that studies share; None takes the one above `out_dir`.
     """
 
@@ -136,9 +136,8 @@ class StudyRun:
         return drawn_evaluation(work.spec, seed, self.context)
 
     def _evaluation(self, case: Case, seed: int, protocol: str) -> Work:
-        row = get_protocol(protocol)
-        starts_alone = row.start_noise is not None and not is_random(row.params)
-        return case.evaluation_work(seed, protocol, self.starts if starts_alone else self.episodes)
+        drawn = get_protocol(protocol).start_noise is not None
+        return case.evaluation_work(seed, protocol, self.starts if drawn else self.episodes)
 
     def draw(self, *drawings: Callable[[], Path]) -> list[Path]:
         """Make figures one after the other; returns their files."""

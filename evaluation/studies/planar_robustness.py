@@ -30,8 +30,8 @@ class Settings:
         objectives: what to compare.
         planner_seeds: one plan of each objective for each.
         protocols: the perturbations; each is executed from drawn starts as well.
-        episodes: executions of each plan under each random protocol.
-        starts: executions of each plan under protocols that draw the start alone.
+        episodes: executions of each plan under each random protocol, from the task's start.
+        starts: executions of each plan from drawn starts.
         planner: arguments of `CmaEsPlanner` beside the objective.
         env_kwargs: keyword arguments of the environment.
     """

@@ -40,7 +40,7 @@ def _sliding_arm():
     """The planar arm on a base that slides along x and y."""
     arm = get_robot("planar_arm")
     base = tuple(
-        Joint(f"base {name}", (0.0, 0.0, 0.0), axis, -2.0, 2.0, 0.05, 0.01, 500.0)
+        Joint(f"base {name}", (0.0, 0.0, 0.0), axis, -2.0, 2.0, 0.05, 0.01, 500.0, 60.0, 0.1, 20.0)
         for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
     )
     links = tuple(dataclasses.replace(link, frame=link.frame + 2) for link in arm.links)

@@ -220,6 +220,7 @@ def sliding_arm() -> Robot:
     """The planar arm on a base that slides in x and y."""
     arm = get_robot("planar_arm")
     slide = {"lower": -5.0, "upper": 5.0, "speed_limit": 0.05, "max_lead": 0.01, "stiffness": 500.0}
+    slide |= {"damping": 60.0, "armature": 0.1, "effort": 20.0}
     base = tuple(Joint(n, (0.0, 0.0, 0.0), a, **slide) for n, a in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0))))
     links = tuple(Link(link.name, link.frame + 2, link.shapes) for link in arm.links)
     return Robot("sliding_arm", base + arm.joints, links, np.zeros(6), arm.workspace_radius)
