@@ -45,7 +45,7 @@ class Plant:
 
     def take(self, rows: np.ndarray) -> Plant:
         """The plant of some rows alone."""
-        objects, dynamics = ([names[i] for i in rows] for names in (self.objects, self.dynamics))
+        objects, dynamics = ([names[i] for i in rows] if names else () for names in (self.objects, self.dynamics))
         return Plant(self.robot, objects, self.friction[rows], dynamics)
 
 

@@ -1,0 +1,231 @@
+"""What is MuJoCo's alone: the model beside our geometry, friction, displacements, overlaps, instability."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from piec_envs.dynamics.base import Commands, Plant
+from piec_envs.dynamics.mjcf import TABLE_FRICTION, get_model
+from piec_envs.dynamics.mujoco_ import ENGINE_STEPS, MujocoDynamics
+from piec_envs.geometry.distance import scene_distances
+from piec_envs.world.objects import OBJECTS, get_object
+from piec_envs.world.robots import get_robot
+from piec_envs.world.scene import pack_scene
+
+PUSH = "piec_envs/PlanarArmPush-v0"
+every_object = pytest.mark.parametrize("object_name", OBJECTS)
+
+
+def plant_of(object_name, rows=1) -> Plant:
+    return Plant("planar_arm", [object_name] * rows, np.full(rows, 0.5))
+
+
+def placed(model, q, pose, height):
+    """MuJoCo's data of one state."""
+    data = mujoco.MjData(model)
+    data.qpos[:4] = q
+    data.qpos[4:] = (*pose[:2], height / 2, np.cos(pose[2] / 2), 0, 0, np.sin(pose[2] / 2))
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def geoms(model, body) -> list[int]:
+    return [g for g in range(model.ngeom) if model.geom(g).name.startswith(body)]
+
+
+@every_object
+def test_distances_and_normals_agree_with_mujoco(object_name):
+    """1,000 random states: each link's distance, and the direction of the nearest one's closest points."""
+    rng, model, scene = np.random.default_rng(0), get_model("planar_arm", object_name, 0.5), pack_scene(
+        "planar_arm", object_name
+    )  # fmt: skip
+    height, ours, ends = get_object(object_name).height, np.empty(4), np.empty(6)
+    parts, checked = geoms(model, "object"), 0
+    for _ in range(1000):
+        q = rng.uniform([-3, -2.5, -2.5, -2.5], [3, 2.5, 2.5, 2.5])
+        pose = rng.uniform([-0.9, -0.9, -3], [0.9, 0.9, 3])
+        data = placed(model, q, pose, height)
+        scene_distances(scene, q, pose, ours)
+        for link in np.flatnonzero(ours > 1e-3):
+            geom = model.geom(f"link {link + 1} shape 0").id
+            theirs = [mujoco.mj_geomDistance(model, data, geom, part, 10.0, None) for part in parts]
+            assert abs(min(theirs) - ours[link]) < 1e-4
+            if link == ours.argmin():
+                mujoco.mj_geomDistance(model, data, geom, parts[int(np.argmin(theirs))], 10.0, ends)
+                away = (ends[3:5] - ends[:2]) / np.linalg.norm(ends[3:] - ends[:3])
+                assert angle_between(away, outward(scene, q, pose, link)) < 0.5
+                checked += 1
+    assert checked > 300
+
+
+def outward(scene, q, pose, link) -> np.ndarray:
+    """Our unit normal from a link to the object: the slope of its distance as the object moves."""
+    step, slope = 1e-6, []
+    for axis in np.eye(3)[:2]:
+        values = []
+        for sign in (1, -1):
+            distances = np.empty(4)
+            scene_distances(scene, q, pose + sign * step * axis, distances)
+            values.append(distances[link])
+        slope.append((values[0] - values[1]) / (2 * step))
+    return np.array(slope)
+
+
+def angle_between(a, b) -> float:
+    """Degrees."""
+    return float(np.degrees(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))))
+
+
+@every_object
+def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
+    """Objects that overlap a link by half a millimetre, turned by every angle.
+
+    Where a link lies within a few degrees along a mesh's face, MuJoCo makes two contacts with that face's normal.
+    """
+    model, scene = get_model("planar_arm", object_name, 0.35), pack_scene("planar_arm", object_name)
+    height, distances, seen = get_object(object_name).height, np.empty(4), 0
+    for angle in np.linspace(-np.pi, np.pi, 24):
+        q, pose = np.zeros(4), np.array([0.6, 0.4, angle])
+        scene_distances(scene, q, pose, distances)
+        pose[1] -= distances.min() + 5e-4
+        scene_distances(scene, q, pose, distances)
+        data = placed(model, q, pose, height)
+        mujoco.mj_forward(model, data)
+        depths, tilts = [], []
+        for contact in data.contact:
+            names = [model.geom(g).name for g in contact.geom]
+            if "table" in names:
+                np.testing.assert_allclose(contact.friction[:2], TABLE_FRICTION)
+                continue
+            np.testing.assert_allclose(contact.friction[:2], 0.35)
+            tilts.append(angle_between(np.abs(contact.frame[:2]), np.array([0.0, 1.0])))
+            depths.append(contact.dist)
+        assert max(tilts) < (0.5 if len(tilts) == 1 else 2.6)
+        assert min(depths) == pytest.approx(distances.min(), abs=1e-4)
+        seen += len(depths)
+    assert seen >= 24
+
+
+def test_model_is_the_scene():
+    model = get_model("planar_arm", "square", 0.5)
+    robot, item = get_robot("planar_arm"), get_object("square")
+    assert [model.joint(j).name for j in range(4)] == [joint.name for joint in robot.joints]
+    np.testing.assert_allclose(model.actuator_gainprm[:, 0], robot.joint_array("stiffness"))
+    np.testing.assert_allclose(model.actuator_forcerange[:, 1], robot.joint_array("effort"))
+    np.testing.assert_allclose(model.body("object").mass, item.mass)
+    np.testing.assert_allclose(model.body("object").inertia[2], item.mass * 0.15**2 / 6, rtol=1e-9)
+    assert model.opt.timestep * ENGINE_STEPS == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("sigma", "rows"), [(0.0, 24), (0.005, 8)])
+def test_random_actions_hold_the_penetration(random_motion, sigma, rows):
+    """Random actions held for 50 to 200 steps: 10,000 control steps without displacements, and some with them."""
+    steps, contact, depth = 0, 0, 0.0
+    for seed, object_name in enumerate(OBJECTS):
+        motion = random_motion(object_name, rows=rows, steps=120, seed=seed, sigma=sigma, dynamics=MujocoDynamics())
+        assert not motion.diverged.any()
+        steps, contact = steps + motion.actions[..., 0].size, contact + motion.contact[:, 1:].any(axis=2).sum()
+        depth = max(depth, float(-motion.link_distance.min()))
+    print(f"\n{steps} control steps, in contact {contact / steps:.1%}, penetration at most {1e3 * depth:.3f} mm")
+    assert steps >= 420 * rows and contact / steps >= 0.3 and depth < 3e-3
+
+
+def test_a_displacement_is_cut_at_the_first_contact():
+    rows = 16
+    angle = np.linspace(0, 2 * np.pi, rows, endpoint=False)
+    w = 0.02 * np.column_stack([np.cos(angle), np.sin(angle)])[:, None]  # (rows, 1, 2)
+    q, pose = np.zeros((rows, 4)), np.tile([0.6, 0.05 + 0.075 + 0.005, 0.0], (rows, 1))
+    commands = Commands(np.zeros((rows, 1, 4)), displacement=w)
+    motion = MujocoDynamics().rollout(q, q, pose, commands, plant_of("circle", rows))
+    moved = motion.pose[:, 1, :2] - pose[:, :2]
+    wanted = w[:, 0] * np.minimum(1.0, 0.005 / np.maximum(-w[:, 0, 1], 1e-12))[:, None]
+    wanted[w[:, 0, 1] >= 0] = w[w[:, 0, 1] >= 0, 0]
+    np.testing.assert_allclose(moved, wanted, atol=2e-4)
+    assert motion.link_distance.min() > -1e-6
+    touching = np.tile([0.6, 0.05 + 0.075, 0.0], (rows, 1))
+    motion = MujocoDynamics().rollout(q, q, touching, commands, plant_of("circle", rows))
+    assert motion.link_distance.min() > -1e-4  # never pressed in, free to leave
+    np.testing.assert_allclose((motion.pose[:, 1, :2] - touching[:, :2])[1:8], w[1:8, 0], atol=2e-4)
+
+
+@every_object
+def test_an_overlap_is_relaxed_before_the_clock_starts(object_name):
+    reach = 0.05 + (0.075 if object_name != "three_discs" else 0.0789) - 0.01
+    q, pose = np.zeros((2, 4)), np.array([[0.6, reach, 0.0], [0.6, 0.5, 0.0]])
+    plant = plant_of(object_name, 2)
+    dynamics = MujocoDynamics()
+    settled = dynamics.settle(q, pose, plant)
+    depth = -dynamics.rollout(q, q, settled, Commands(np.zeros((2, 0, 4))), plant).link_distance[0].min()
+    assert depth <= 1e-4 and np.hypot(*(settled - pose)[0, :2]) < 0.03
+    np.testing.assert_array_equal(settled[1], pose[1])
+    calm = dynamics.rollout(q, q, settled, Commands(np.zeros((2, 20, 4))), plant)
+    assert np.abs(calm.pose[:, -1] - settled)[:, :2].max() < 2e-3  # it was not thrown
+
+
+def unstable(state):
+    """The same state with a velocity that the engine warns of."""
+    state.memory[0] = state.memory[0].copy()
+    state.memory[0][-1] = 1e12
+    return state
+
+
+@pytest.fixture
+def away(tmp_path, monkeypatch):
+    """MuJoCo leaves a log of its warnings in the working folder."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("away")
+def test_an_instability_ends_the_row():
+    env = gym.make(PUSH, dynamics="mujoco", escape_field=None)
+    env.reset(seed=0)
+    _, _, _, truncated, info = env.step(np.ones(4))
+    assert not truncated and not info["diverged"]
+    before = env.unwrapped.get_state()
+    env.unwrapped.set_state(unstable(before.copy()))
+    observation, reward, terminated, truncated, info = env.step(np.ones(4))
+    assert truncated and not terminated and info["diverged"] and not info["is_success"]
+    assert observation in env.observation_space and np.isfinite(reward)
+    np.testing.assert_array_equal(env.unwrapped.get_state().pose, before.pose)  # its last good state
+    assert env.step(np.ones(4))[4]["diverged"]  # it rests until reset
+    assert not env.reset(seed=0)[1]["diverged"]
+    assert not env.step(np.ones(4))[3]
+
+
+@pytest.mark.usefixtures("away")
+def test_only_the_unstable_row_ends_and_begins_anew():
+    envs = gym.make_vec(PUSH, num_envs=2, dynamics="mujoco", escape_field=None)
+    envs.reset(seed=0)
+    envs.step(np.ones((2, 4)))
+    envs.unwrapped.set_state(unstable(envs.unwrapped.get_state()))
+    *_, truncated, info = envs.step(np.ones((2, 4)))
+    assert truncated.tolist() == [True, False] == info["diverged"].tolist()
+    *_, truncated, info = envs.step(np.ones((2, 4)))
+    assert not truncated.any() and not info["diverged"].any()
+    assert envs.unwrapped.get_state().step.tolist() == [0, 3]
+
+
+@pytest.mark.usefixtures("away")
+def test_a_rollout_holds_what_diverged():
+    env = gym.make(PUSH, dynamics="mujoco", escape_field=None).unwrapped
+    env.reset(seed=0)
+    env.step(np.ones(4))
+    bad = unstable(env.get_state())
+    rollout = env.rollout(bad, controls=np.ones((2, 5, 4)))
+    assert rollout.motion.diverged[:, 1:].all() and not rollout.motion.diverged[:, 0].any()
+    assert rollout.final.diverged.all()
+    np.testing.assert_array_equal(rollout.motion.pose, np.repeat(bad.pose[None], 6, axis=1).repeat(2, axis=0))
+    assert np.isfinite(rollout.measures).all()
+
+
+def test_memory_that_does_not_fit_begins_at_rest():
+    """A user may move the object of a saved state; its old velocity would belong elsewhere."""
+    dynamics, commands = MujocoDynamics(), Commands(np.zeros((1, 5, 4)))
+    q, pose = np.zeros((1, 4)), np.array([[0.6, 0.4, 0.2]])
+    fresh = dynamics.rollout(q, q, pose, commands, plant_of("circle"))
+    for memory in (np.zeros(3), fresh.memory[0] + 0.01):
+        again = dynamics.rollout(q, q, pose, commands, plant_of("circle"), [memory])
+        np.testing.assert_array_equal(again.pose, fresh.pose)
