@@ -8,13 +8,17 @@ import gymnasium as gym
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 
-from piec_envs.errors import check_name
+from piec_envs.errors import InvalidParameterError, check_name
 
 
 def _inject(env: Any, names: tuple[str, ...], params: dict[str, Any]) -> None:
     for name in params:
         if names:  # the general wrappers take every plant parameter
             check_name("parameter of this wrapper", name, names)
+    if not hasattr(env.unwrapped, "set_params"):
+        raise InvalidParameterError(
+            f"{env.unwrapped!r} has no plant that could differ; environments of motion have one"
+        )
     env.unwrapped.set_params(params)
 
 
@@ -27,7 +31,7 @@ class Mismatch(gym.Wrapper, RecordConstructorArgs):
 
     Raises:
         UnknownNameError: for an unknown parameter or name.
-        InvalidParameterError: for a value outside its range.
+        InvalidParameterError: for a value outside its range, or an env without a plant.
     """
 
     names: ClassVar[tuple[str, ...]] = ()

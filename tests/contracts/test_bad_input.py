@@ -24,7 +24,10 @@ PUSH = "piec_envs/PlanarArmPush-v0"
     ("choice", "error", "message"),
     [
         ({"object": "circel"}, UnknownNameError, "circle, hexagon, octagon, square"),
-        ({"dynamics": "real"}, UnknownNameError, "quasi_dynamic"),
+        ({"dynamics": "real"}, UnknownNameError, "mujoco, quasi_dynamic"),
+        ({"dynamics": "mujoco", "friction": -0.1}, InvalidParameterError, "friction"),
+        ({"dynamics": "mujoco", "object": "cube"}, UnknownNameError, "square"),
+        ({"randomize": {"dynamics": ["mujoco", "real"]}}, UnknownNameError, "mujoco, quasi_dynamic"),
         ({"solver": "slow"}, UnknownNameError, "fast, osqp"),
         ({"escape_field": "gird"}, UnknownNameError, "grid"),
         ({"prior": "love"}, UnknownNameError, "caging, contact, proximity"),

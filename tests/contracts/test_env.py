@@ -30,6 +30,9 @@ CHOICES = [
     {"friction": 0.0, "threads": 1},
     {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"], "disturbance": [0.0, 0.005]}},
     *({"object": name, "escape_every": 50} for name in OBJECTS),
+    *({"dynamics": "mujoco", "object": name, "escape_field": None} for name in OBJECTS),
+    {"dynamics": "mujoco", "disturbance": 0.005, "adversary": 0.5, "start_noise": (0.01, 0.05), "friction": 0.0},
+    {"randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]}, "goal_conditioned": True},
 ]
 NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
 STATIC = tuple(env_id for env_id in ENVS if env_id not in MOTIONS)  # one step, no plant
@@ -43,7 +46,15 @@ STATIC_CHOICES = [
 EVERY_CHOICE = [(env_id, choice) for env_id in MOTIONS for choice in CHOICES] + [
     (env_id, choice) for env_id in STATIC for choice in STATIC_CHOICES
 ]
-ROW_CHOICES = [{}, NOISY, {"goal_conditioned": True, **NOISY}, {"randomize": {"friction": [0.1, 0.9]}}]
+MIXED = {"dynamics": ["quasi_dynamic", "mujoco"], "object": ["circle", "square"], "friction": [0.1, 0.9]}
+ROW_CHOICES = [
+    {},
+    NOISY,
+    {"goal_conditioned": True, **NOISY},
+    {"randomize": {"friction": [0.1, 0.9]}},
+    {"dynamics": "mujoco", **NOISY},
+    {"randomize": MIXED},
+]
 EVERY_ROW = [(env_id, choice) for env_id in MOTIONS for choice in ROW_CHOICES] + [
     (env_id, choice) for env_id in STATIC for choice in ({}, {"object": "square", "dtype": "float32"})
 ]
@@ -135,15 +146,20 @@ def test_autoreset_equals_sync_vector_env(env_id, mode):
             assert same(a[0], b[0]) and same(a[1], b[1])
 
 
-@pytest.mark.parametrize("env_id", ENVS)
-def test_reset_is_reproducible(env_id):
+EVERY_PLANT = [(env_id, drawn(env_id)) for env_id in ENVS] + [
+    (env_id, {"dynamics": "mujoco", **NOISY}) for env_id in MOTIONS
+]
+
+
+@pytest.mark.parametrize(("env_id", "choice"), EVERY_PLANT, ids=str)
+def test_reset_is_reproducible(env_id, choice):
     def episode(env, seed):
         observation, _ = env.reset(seed=seed)
         steps = [env.step(action) for action in actions]
         return [observation, *(step[0] for step in steps)], [step[1] for step in steps]
 
     actions = np.random.default_rng(0).uniform(-1, 1, (20 if env_id in MOTIONS else 1, 4))
-    env = gym.make(env_id, **drawn(env_id))
+    env = gym.make(env_id, **choice)
     first, unseeded = episode(env, 7), episode(env, None)
     again, unseeded_again = episode(env, 7), episode(env, None)
     for one, other in ((first, again), (unseeded, unseeded_again)):
@@ -162,20 +178,20 @@ def test_spec_round_trip(env_id):
     assert again.unwrapped.config == env.unwrapped.config
 
 
-def test_async_vector_env_works_after_a_batched_call():
+@pytest.mark.parametrize(("dynamics", "rows"), [("quasi_dynamic", 256), ("mujoco", 8)])
+def test_async_vector_env_works_after_a_batched_call(dynamics, rows):
     """A forked child must not wait for the threads of its parent."""
-    env_id = "piec_envs/PlanarArmPush-v0"
-    native = gym.make_vec(env_id, num_envs=256)
+    env_id, choice = "piec_envs/PlanarArmPush-v0", {"dynamics": dynamics}
+    native = gym.make_vec(env_id, num_envs=rows, **choice)
     native.reset(seed=0)
     native.step(native.action_space.sample())
-    forked = gym.make_vec(
-        env_id, num_envs=2, vectorization_mode="async", vector_kwargs={"context": "fork", "shared_memory": False}
-    )
+    how = {"context": "fork", "shared_memory": False}
+    forked = gym.make_vec(env_id, num_envs=2, vectorization_mode="async", vector_kwargs=how, **choice)
     observation, _ = forked.reset(seed=0)
     assert observation.shape == (2, 23)
     stepped = forked.step(np.ones((2, 4)))[0]
     forked.close()
-    here = gym.make_vec(env_id, num_envs=2)
+    here = gym.make_vec(env_id, num_envs=2, **choice)
     here.reset(seed=0)
     np.testing.assert_array_equal(stepped, here.step(np.ones((2, 4)))[0])
 

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from piec_envs.dynamics.table import DYNAMICS
 from piec_envs.episodes.start import StartSampler
 from piec_envs.episodes.state import PlantParams
 from piec_envs.geometry.distance import scene_distances
@@ -24,16 +25,21 @@ def same(a, b) -> bool:
     return np.array_equal(a, b)
 
 
+TOUCHING = {"state": {"pose": [0.6, 0.1255, 0.0]}}  # a square at the arm's side
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize("env_id", MOTIONS)
-def test_state_restores_everything(env_id):
-    env = gym.make(env_id, **NOISY).unwrapped
-    env.reset(seed=1)
+def test_state_restores_everything(env_id, dynamics):
+    choice = {**NOISY, "dynamics": dynamics}
+    env = gym.make(env_id, **choice).unwrapped
+    env.reset(seed=1, options=TOUCHING)
     actions = np.random.default_rng(2).uniform(-1, 1, (60, 4))
     for action in actions[:25]:
         env.step(action)
     state = env.get_state()
     expected = [env.step(action) for action in actions[25:]]
-    other = gym.make(env_id, **NOISY).unwrapped
+    other = gym.make(env_id, **choice).unwrapped
     other.reset(seed=99)
     for restore in (env.set_state, other.set_state, lambda s: other.reset(options={"state": s})):
         restore(state)
@@ -43,10 +49,11 @@ def test_state_restores_everything(env_id):
 
 
 @pytest.mark.parametrize("env_id", MOTIONS)
-@pytest.mark.parametrize("choice", [NOISY, {"escape_field": None}], ids=str)
-def test_rollout_equals_stepping(env_id, choice):
-    env = gym.make(env_id, **choice).unwrapped
-    env.reset(seed=3)
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+@pytest.mark.parametrize("choice", [NOISY, {"escape_field": None, "object": "square"}], ids=str)
+def test_rollout_equals_stepping(env_id, choice, dynamics):
+    env = gym.make(env_id, dynamics=dynamics, **choice).unwrapped
+    env.reset(seed=3, options=TOUCHING)
     for _ in range(13):  # a rollout may begin between two refreshes of the field
         env.step(np.full(4, 0.5))
     state = env.get_state()
@@ -65,6 +72,20 @@ def test_rollout_equals_stepping(env_id, choice):
             assert now.escape_time[0] == rollout.escape_time[i, t + 1]
             assert reward == -1e-3 * rollout.column("cost")[i, t + 1]
             assert info["goal_distance"] == rollout.column("goal_distance")[i, t + 1]
+
+
+def test_a_state_may_go_on_under_another_dynamics():
+    """The new one begins at rest where the old one left joints and object."""
+    env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None, object="square").unwrapped
+    env.reset(seed=0, options=TOUCHING)
+    for dynamics in (*reversed(DYNAMICS), *DYNAMICS):
+        for _ in range(5):
+            env.step(np.full(4, 0.5))
+        before = env.get_state()
+        _, info = env.reset(options={"state": before, "params": {"dynamics": dynamics}})
+        assert info["params"]["dynamics"] == dynamics
+        np.testing.assert_array_equal(env.get_state().pose, before.pose)
+    assert env.get_state().pose[0, 1] > 0.126
 
 
 def test_shape_mismatch_moves_an_overlapping_start():

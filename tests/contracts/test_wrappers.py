@@ -67,10 +67,21 @@ def test_bad_parameters_are_refused_at_once():
         VectorMismatch(gym.make_vec(PUSH, num_envs=1, escape_field=None), adversary=1.0)
 
 
+@pytest.mark.parametrize("wrapper", [*MISMATCHES, Mismatch])
+def test_an_env_without_a_plant_refuses_mismatches(wrapper):
+    cage = "piec_envs/PlanarArmCage-v0"
+    params = {name: VALUES[name] for name in wrapper.names or ("friction",)}
+    with pytest.raises(InvalidParameterError, match="plant"):
+        wrapper(gym.make(cage), **params)
+    with pytest.raises(InvalidParameterError, match="plant"):
+        MISMATCHES.get(wrapper, VectorMismatch)(gym.make_vec(cage, num_envs=1), **params)
+
+
 def test_randomize_draws_from_the_seed_and_reports():
-    choice = {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"]}, "escape_field": None}
-    envs = gym.make_vec(PUSH, num_envs=40, **choice)
+    drawn = {"friction": [0.2, 0.8], "object": ["circle", "square"], "dynamics": ["mujoco", "quasi_dynamic"]}
+    envs = gym.make_vec(PUSH, num_envs=40, randomize=drawn, escape_field=None)
     first, second = envs.reset(seed=1)[1]["params"], envs.reset(seed=1)[1]["params"]
     np.testing.assert_array_equal(first["friction"], second["friction"])
     assert 0.2 <= first["friction"].min() < 0.3 and 0.7 < first["friction"].max() <= 0.8
     assert set(first["object"]) == {"circle", "square"}
+    assert set(first["dynamics"]) == {"mujoco", "quasi_dynamic"}

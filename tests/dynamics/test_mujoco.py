@@ -83,7 +83,7 @@ def angle_between(a, b) -> float:
 def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
     """Objects that overlap a link by half a millimetre, turned by every angle.
 
-    Where a link lies within a few degrees along a mesh's face, MuJoCo makes two contacts with that face's normal.
+    Where a link lies within six degrees along a mesh's face, MuJoCo makes two contacts with that face's normal.
     """
     model, scene = get_model("planar_arm", object_name, 0.35), pack_scene("planar_arm", object_name)
     height, distances, seen = get_object(object_name).height, np.empty(4), 0
@@ -103,7 +103,7 @@ def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
             np.testing.assert_allclose(contact.friction[:2], 0.35)
             tilts.append(angle_between(np.abs(contact.frame[:2]), np.array([0.0, 1.0])))
             depths.append(contact.dist)
-        assert max(tilts) < (0.5 if len(tilts) == 1 else 2.6)
+        assert max(tilts) < (0.5 if len(tilts) == 1 else 6.0)
         assert min(depths) == pytest.approx(distances.min(), abs=1e-4)
         seen += len(depths)
     assert seen >= 24
