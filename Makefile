@@ -9,14 +9,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 PINS := pyproject.toml constraints.txt
 PACKAGES := piec_envs planners evaluation
+# The oldest MuJoCo that pyproject.toml allows; constraints.txt has the newest.
+OLDEST_MUJOCO := $(shell sed -n 's/.*"mujoco>=\([0-9.]*\),.*/\1/p' pyproject.toml)
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt
 
-.PHONY: help venv demo test lint format bench reproduce clean distclean
+.PHONY: help venv demo test test-oldest-mujoco lint format bench reproduce clean distclean
 .NOTPARALLEL:
 
 help:
 	@echo "make demo       plan, disturb, and draw: a table, a picture and an animation"
 	@echo "make test       run the tests"
+	@echo "make test-oldest-mujoco  run the tests of the dynamics on the oldest MuJoCo allowed"
 	@echo "make lint       ruff and mypy"
 	@echo "make format     let ruff rewrite the code"
 	@echo "make bench      measure the speed of kernels, environments and planners"
@@ -46,6 +49,12 @@ demo: $(VENV)/base
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest $(ARGS)
+
+test-oldest-mujoco: $(VENV)/dev
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --upgrade --target $(VENV)/oldest \
+		"mujoco~=$(OLDEST_MUJOCO).0"
+	PYTHONPATH=$(VENV)/oldest $(BIN)/python -c 'import mujoco; assert mujoco.__version__.startswith("$(OLDEST_MUJOCO)."), mujoco'
+	PYTHONPATH=$(VENV)/oldest $(BIN)/python -m pytest tests/dynamics tests/contracts/test_dynamics.py $(ARGS)
 
 lint: $(VENV)/dev
 	$(BIN)/ruff check .

@@ -11,6 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 from evaluation.bench.base import QUICK, Row, Sizes
+from evaluation.bench.dynamics import mujoco_steps
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
 from evaluation.bench.fields import network_queries
 from evaluation.bench.kernels import contact_step, escape_fields, slowest_steps
@@ -34,6 +35,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
     benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
         "contact step": contact_step,
         "slowest steps": slowest_steps,
+        "MuJoCo": mujoco_steps,
         "vector steps": vector_steps,
         "single step": single_step,
         "escape fields": escape_fields,

@@ -25,6 +25,7 @@ class Sizes:
         repeats: measurements of which the median is taken.
         motion: steps of a motion in contact.
         rows: rows of a batched motion.
+        mujoco_rows: rows of one under MuJoCo.
         states: states whose steps are timed one by one.
         envs: rows of the vector environments.
         env_steps: steps of the native VectorEnv in one measurement, a multiple of ten.
@@ -38,6 +39,7 @@ class Sizes:
     repeats: int = 5
     motion: int = 1000
     rows: int = 64
+    mujoco_rows: int = 100
     states: int = 1000
     envs: int = 256
     env_steps: int = 200
@@ -52,6 +54,7 @@ QUICK = Sizes(
     repeats=2,
     motion=200,
     rows=4,
+    mujoco_rows=2,
     states=5,
     envs=8,
     env_steps=10,
