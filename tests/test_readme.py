@@ -38,7 +38,13 @@ def test_the_quick_start_is_short_and_parses():
 
 
 @pytest.mark.parametrize(
-    "source", ["results/planar-disturbance/table.md", "results/field-accuracy/table.md", "results/bench.md"]
+    "source",
+    [
+        "results/planar-disturbance/table.md",
+        "results/planar-robustness/table.md",
+        "results/field-accuracy/table.md",
+        "results/bench.md",
+    ],
 )
 def test_numbers_stand_in_the_recorded_tables(source):
     """Each row that the README quotes is a part of a row of the recorded table."""

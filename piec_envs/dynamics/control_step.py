@@ -11,7 +11,8 @@ from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
 from piec_envs.kernels import batch_kernel, kernel
 
 SHIFT_STEPS = 8  # a displacement is tried in this many equal parts, each shorter than any link is thick
-SHIFT_HALVINGS = 8  # and the part in which it meets the robot is halved this often
+SHIFT_FAILURES = 8  # from the first part that meets the robot on the parts are halved, until so many more have
+SHIFT_TRIES = 60  # in all, which bounds the search where no try meets it
 
 
 @kernel
@@ -78,8 +79,10 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
             place_shapes(scene.robot, frames, vertices, centres)
             here = _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, moved, distances)
             free, part = min(here, 0.0), 1.0 / SHIFT_STEPS
-            halvings = 0
-            while share < 1.0 and halvings <= SHIFT_HALVINGS:
+            failures = 0
+            for _ in range(SHIFT_TRIES):
+                if share >= 1.0 or failures > SHIFT_FAILURES:
+                    break
                 tried = min(share + part, 1.0)
                 there = _distance_at(
                     scene, vertices, x + tried * w_x, y + tried * w_y, angle, frame, object_vertices, object_centres,
@@ -88,8 +91,8 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
                 if there >= free:
                     share = tried
                 else:
-                    halvings += 1
-                if halvings > 0:
+                    failures += 1
+                if failures > 0:
                     part *= 0.5
         shifted[r - lo, 0], shifted[r - lo, 1] = x + share * w_x, y + share * w_y
 

@@ -7,6 +7,7 @@ of the two: arm and object with the scene's mu, object and table with a friction
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -90,7 +91,8 @@ def _add_robot(spec: Any, robot: Robot, height: float) -> list[str]:
         drive.forcelimited, drive.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-joint.effort, joint.effort]
     names = []
     for link in robot.links:
-        names += _add_shapes(spec, frames[link.frame], link.name, link.shapes, height, link.mass, LINK_COLOUR, True)
+        part = _Part(link.name, link.shapes, link.mass, LINK_COLOUR, is_link=True)
+        names += _add_part(spec, frames[link.frame], part, height)
     return names
 
 
@@ -98,25 +100,29 @@ def _add_object(spec: Any, item: Object) -> list[str]:
     """The free object; returns the names of its geoms."""
     body = spec.worldbody.add_body(name="object", pos=[0, 0, item.height / 2])
     body.add_freejoint(name="object")
-    return _add_shapes(spec, body, "object", item.shapes, item.height / 2, item.mass, OBJECT_COLOUR, False)
+    return _add_part(spec, body, _Part("object", item.shapes, item.mass, OBJECT_COLOUR, is_link=False), item.height / 2)
 
 
-def _add_shapes(
-    spec: Any,
-    body: Any,
-    name: str,
-    shapes: tuple[RoundedPolygon, ...],
-    half: float,
-    mass: float,
-    colour: tuple[float, ...],
-    link: bool,
-) -> list[str]:
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A rigid part to be given a body's geoms."""
+
+    name: str
+    shapes: tuple[RoundedPolygon, ...]
+    mass: float
+    colour: tuple[float, ...]
+    is_link: bool
+
+
+def _add_part(spec: Any, body: Any, part: _Part, half: float) -> list[str]:
     """One geom for each shape, with its share of the mass by area; returns their names."""
-    total, names = sum(shape.area for shape in shapes), []
-    for k, shape in enumerate(shapes):
-        names.append(f"{name} shape {k}")
-        form = _round_form(shape) if link and len(shape.vertices) < 3 else _upright_form(spec, names[-1], shape, half)
-        body.add_geom(name=names[-1], mass=mass * shape.area / total, rgba=colour, **form, **_NO_COLLISION)
+    total, names = sum(shape.area for shape in part.shapes), []
+    for k, shape in enumerate(part.shapes):
+        name = f"{part.name} shape {k}"
+        round_link = part.is_link and len(shape.vertices) < 3
+        form = _round_form(shape) if round_link else _upright_form(spec, name, shape, half)
+        body.add_geom(name=name, mass=part.mass * shape.area / total, rgba=part.colour, **form, **_NO_COLLISION)
+        names.append(name)
     return names
 
 

@@ -163,17 +163,9 @@ def _start(model: Any, object_name: str, motion: Motion, row: int) -> np.ndarray
         known = _planar(memory[None, 1 + n : 1 + nq], pose[None, 2])[0]
         if (memory[1 : 1 + n] == q_r).all() and (known[:2] == pose[:2]).all() and abs(known[2] - pose[2]) < 1e-9:
             return memory
-    state = np.zeros(size)
-    half_angle = pose[2] / 2
+    state, height = np.zeros(size), get_object(object_name).height / 2
     state[1 : 1 + n] = q_r
-    state[1 + n : 1 + nq] = (
-        *pose[:2],
-        get_object(object_name).height / 2,
-        np.cos(half_angle),
-        0,
-        0,
-        np.sin(half_angle),
-    )
+    state[1 + n : 1 + nq] = (*pose[:2], height, np.cos(pose[2] / 2), 0, 0, np.sin(pose[2] / 2))
     return state
 
 
