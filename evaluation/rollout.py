@@ -20,7 +20,7 @@ from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.registration import MOTIONS
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
-NOT_IN_SPEC = ("threads", "render_mode")  # keyword arguments that change no result
+NOT_IN_SPEC = ("threads", "render_mode", "renderer")  # keyword arguments that change no result
 _MEASURED = ("goal_distance", "d2g", "min_distance", "mean_distance", "tracking_error")
 
 Predict = Callable[..., tuple[Any, Any]]

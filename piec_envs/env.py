@@ -17,6 +17,7 @@ from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, check_name
 from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, take_row
+from piec_envs.rendering.renderer import Renderer
 
 _COST = MEASURES.index("cost")
 
@@ -28,7 +29,7 @@ def make_config(task: str, options: Mapping[str, Any]) -> EnvConfig:
         UnknownNameError: for a keyword that does not exist.
     """
     for name in options:
-        check_name("keyword argument", name, [*EnvConfig.field_names(), "dtype", "render_mode"])
+        check_name("keyword argument", name, [*EnvConfig.field_names(), "dtype", "render_mode", "renderer"])
     return EnvConfig(task, **options)
 
 
@@ -107,11 +108,13 @@ class PlanarArmEnv(gym.Env):
     }
     task_name: ClassVar[str]
 
-    def __init__(self, dtype: str = "float64", render_mode: str | None = None, **options: Any):
+    def __init__(
+        self, dtype: str = "float64", render_mode: str | None = None, renderer: str = "drawing", **options: Any
+    ):
         config = make_config(self.task_name, options)
         self._batch = EpisodeBatch(config, rows=1)
         self._interface = Interface(self._batch, dtype, render_mode)
-        self.render_mode = render_mode
+        self.render_mode, self._renderer = render_mode, Renderer(renderer)
         self.observation_space = self._interface.observation_space
         self.action_space = self._interface.action_space
         self._trail: list[np.ndarray] = []
@@ -191,9 +194,11 @@ class PlanarArmEnv(gym.Env):
         """Draw the present state, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             return None
-        from piec_envs.rendering.frame import render_frame
+        return self._renderer.frame(self._batch, 0, np.array(self._trail))
 
-        return render_frame(self._batch, 0, np.array(self._trail))
+    def close(self) -> None:
+        """Free what frames were drawn with."""
+        self._renderer.close()
 
     def _begin(self) -> tuple[Any, dict]:
         self._trail = [self._batch.state.pose[0, :2].copy()]
@@ -225,7 +230,8 @@ class PlanarArmPushEnv(PlanarArmEnv):
     mean_distance, penetration, cost_task, cost_command, cost_prior, diverged, params; and, unless
     `escape_field=None`, escape_time (s) and caging (0.02 of it).
 
-    **Arguments.** Those of `EnvConfig`, `dtype` ("float64" or "float32") and `render_mode`.
+    **Arguments.** Those of `EnvConfig`, `dtype` ("float64" or "float32"), `render_mode` (None or
+    "rgb_array") and `renderer` ("drawing", or "mujoco" for frames in space; see docs/rendering.md).
 
     **Version history.** v0: first version.
     """

@@ -72,6 +72,10 @@ class WeightsError(PiecError, ValueError):
     """A weight file of a learned field that is missing, broken, or made for another robot."""
 
 
+class RenderingError(PiecError, RuntimeError):
+    """Frames that cannot be drawn on this machine."""
+
+
 class RecordError(PiecError, ValueError):
     """A record file that cannot be read."""
 

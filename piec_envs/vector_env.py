@@ -14,6 +14,7 @@ from piec_envs.episodes.info import with_masks
 from piec_envs.episodes.state import State
 from piec_envs.errors import InvalidStateError, as_count
 from piec_envs.native_vector import NativeVectorEnv
+from piec_envs.rendering.renderer import Renderer
 
 
 class PlanarArmVectorEnv(NativeVectorEnv):
@@ -25,6 +26,7 @@ class PlanarArmVectorEnv(NativeVectorEnv):
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
+        renderer: "drawing", or "mujoco" for frames in space.
         options: the arguments of `EnvConfig`.
     """
 
@@ -37,10 +39,12 @@ class PlanarArmVectorEnv(NativeVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         dtype: str = "float64",
         render_mode: str | None = None,
+        renderer: str = "drawing",
         **options: Any,
     ):
         rows, steps = as_count("num_envs", num_envs), as_count("max_episode_steps", max_episode_steps)
         self._batch = EpisodeBatch(make_config(self.task_name, options), rows)
+        self._renderer = Renderer(renderer)
         interface = Interface(self._batch, dtype, render_mode)
         super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
 
@@ -74,9 +78,11 @@ class PlanarArmVectorEnv(NativeVectorEnv):
         """One frame for each row; None without a render mode."""
         if self.render_mode is None:
             return None
-        from piec_envs.rendering.frame import render_frame
+        return tuple(self._renderer.frame(self._batch, row) for row in range(self.num_envs))
 
-        return tuple(render_frame(self._batch, row) for row in range(self.num_envs))
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what frames were drawn with."""
+        self._renderer.close()
 
 
 class PlanarArmPushVectorEnv(PlanarArmVectorEnv):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.config import EnvConfig
+from piec_envs.errors import RenderingError, UnknownNameError
 from piec_envs.rendering.drawing import base_position, link_outlines, robot_frames
 from piec_envs.rendering.field import FIELD_TOP, _filled
 from piec_envs.rendering.frame import picture_field, render_frame
@@ -105,3 +108,91 @@ def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert result.stdout.split() == ["False", "False"]
+
+
+def spatial(maker=gym.make, env_id="piec_envs/PlanarArmPush-v0", **options):
+    return maker(env_id, render_mode="rgb_array", renderer="mujoco", escape_field=None, **options)
+
+
+@pytest.fixture(scope="module")
+def space():
+    """An env with frames in space; no test that asks for it runs where there is no OpenGL."""
+    env = spatial()
+    env.reset(seed=0)
+    try:
+        env.render()
+    except RenderingError as error:
+        pytest.skip(str(error))
+    yield env
+    env.close()
+
+
+def at(env, pose, q=(0.0, 0.0, 0.0, 0.0)):
+    env.reset(seed=0, options={"state": {"pose": pose, "q_r": q}})
+    return env.render()
+
+
+def where(frame, red_first):
+    """Mean row and column of the pixels of the object's colour, or of the goal's, and how many they are."""
+    red, green, blue = np.moveaxis(frame.astype(int), -1, 0)
+    mask = (red > green + 40) & (green > blue + 40) if red_first else (green > red + 60) & (green > blue + 20)
+    return np.argwhere(mask).mean(axis=0), mask.sum()
+
+
+@pytest.mark.parametrize("maker", [gym.make, gym.make_vec])
+def test_unknown_renderer_is_refused(maker):
+    with pytest.raises(UnknownNameError, match="drawing, mujoco"):
+        maker("piec_envs/PlanarArmPush-v0", renderer="opengl")
+
+
+def test_frames_in_space_follow_the_state(space):
+    first = at(space, [0.5, 0.4, 0.0])
+    assert first.shape == (720, 720, 3) and first.dtype == np.uint8
+    moved, bent = at(space, [0.1, 0.4, 0.0]), at(space, [0.5, 0.4, 0.0], CURLED)
+    assert np.array_equal(first, at(space, [0.5, 0.4, 0.0]))
+    assert not np.array_equal(first, moved) and not np.array_equal(first, bent)
+
+
+def test_object_and_goal_stand_where_they_should(space):
+    (row, column), count = where(at(space, [0.5, 0.4, 0.0]), red_first=True)
+    (moved_row, moved_column), _ = where(at(space, [-0.5, -0.4, 0.0]), red_first=True)
+    assert count > 200 and column > 400 and moved_column < 320 and moved_row > row + 50
+    (_, column), count = where(at(space, [0.5, 0.4, 0.0]), red_first=False)
+    assert count > 100 and 260 < column < 320
+
+
+def test_every_row_has_its_frame_and_closing_leaves_the_others(space):
+    vector = spatial(gym.make_vec, "piec_envs/PlanarArmTrack-v0", num_envs=2, object="square", start_noise=[0.05, 0.1])
+    vector.reset(seed=0)
+    frames = vector.render()
+    assert len(frames) == 2 and not np.array_equal(*frames)
+    before = at(space, [0.5, 0.4, 0.0])
+    vector.close()  # while the other context is the current one
+    assert np.array_equal(before, space.render())
+
+
+RENDER = (
+    "import sys\nif 'early' in sys.argv: import mujoco\n"
+    "import gymnasium as gym, piec_envs\n"
+    "env = gym.make('piec_envs/PlanarArmPush-v0', render_mode='rgb_array', renderer='mujoco', escape_field=None)\n"
+    "env.reset(seed=0); print(env.render().shape)"
+)
+
+
+def run_python(code, *arguments, **variables):
+    kept = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env={**kept, **variables})
+
+
+def test_an_env_left_open_ends_in_silence(space):
+    result = run_python(RENDER, "early")  # MuJoCo imported first, and no backend chosen
+    assert result.returncode == 0 and result.stdout.split("\n")[0] == "(720, 720, 3)"
+    assert "Error" not in result.stderr and "ignored" not in result.stderr
+
+
+def test_without_opengl_the_error_says_what_to_do():
+    result = run_python(RENDER, MUJOCO_GL="off")
+    last = result.stderr.strip().splitlines()[-1]
+    assert result.returncode == 1 and "RenderingError" in last
+    assert "'off'" in last and "MUJOCO_GL=egl" in last and "renderer='drawing'" in last

@@ -1,1 +1,1 @@
-"""Drawing in software: matplotlib's Agg canvas, never pyplot, no GL."""
+"""Frames: drawn in software on matplotlib's Agg canvas, never pyplot, or in space through MuJoCo and OpenGL."""

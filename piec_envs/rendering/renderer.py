@@ -1,0 +1,61 @@
+"""The choice of what draws the frames of the motion environments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from piec_envs.errors import check_name
+
+if TYPE_CHECKING:
+    from piec_envs.episodes.batch import EpisodeBatch
+    from piec_envs.rendering.space import SpaceFrames
+
+RENDERERS = ("drawing", "mujoco")
+
+
+class Renderer:
+    """Draws frames; what that needs is loaded with the first of them.
+
+    Args:
+        name: "drawing", the plane drawn in software, or "mujoco", the scene in space through OpenGL.
+
+    Raises:
+        UnknownNameError: for another name.
+    """
+
+    def __init__(self, name: str):
+        check_name("renderer", name, RENDERERS)
+        self.name = name
+        self._space: SpaceFrames | None = None
+
+    def frame(self, batch: EpisodeBatch, row: int, trail: np.ndarray | None = None) -> np.ndarray:
+        """Draw the present state of one episode.
+
+        Args:
+            batch: the episodes.
+            row: which of them.
+            trail: where its object has been, shape (m, 2), m.
+
+        Returns:
+            The picture, shape (720, 720, 3), uint8.
+
+        Raises:
+            RenderingError: where "mujoco" finds no OpenGL.
+        """
+        if self.name == "drawing":
+            from piec_envs.rendering.frame import render_frame
+
+            return render_frame(batch, row, trail)
+        if self._space is None:
+            from piec_envs.rendering.space import SpaceFrames
+
+            self._space = SpaceFrames()
+        return self._space.frame(batch, row, trail)
+
+    def close(self) -> None:
+        """Free what the frames were drawn with; another frame opens it anew."""
+        if self._space is not None:
+            self._space.close()
+            self._space = None

@@ -1,0 +1,213 @@
+"""Frames in space: the scene as MuJoCo draws it through OpenGL, seen obliquely from above."""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import os
+import sys
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.errors import RenderingError
+from piec_envs.rendering.drawing import base_position
+from piec_envs.world.objects import get_object
+
+if TYPE_CHECKING:
+    from piec_envs.episodes.batch import EpisodeBatch
+    from piec_envs.world.robots import Robot
+
+SIZE = 720  # height and width of a frame, pixels
+ELEVATION, AZIMUTH = -60.0, 90.0  # of the camera's line of sight, degrees; x points right in the picture
+DISTANCE, BEFORE = 2.68, 0.09  # of the camera from what it looks at, and of that from the base, over the radius
+TABLE, LINK, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.42, 0.55, 0.70, 1.0), (0.0, 0.0, 0.0, 0.0)
+BACKGROUND = (0.80, 0.84, 0.89)
+COLUMN, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
+TABLE_HEIGHT, MARK_HEIGHT = 0.05, 1e-3  # of the table top, and of flat discs on it, m
+TRAIL_MARKS, REFERENCE_MARKS = 200, 40  # at most
+TRAIL_RADIUS, REFERENCE_RADIUS = 0.012, 0.008  # of a mark, m
+
+
+class SpaceFrames:
+    """Draws frames through OpenGL and keeps one renderer for each scene until it is closed."""
+
+    def __init__(self):
+        self._renderers: dict[tuple[str, str], tuple[Any, Any]] = {}  # with MuJoCo's data
+
+    def frame(self, batch: EpisodeBatch, row: int, trail: np.ndarray | None = None) -> np.ndarray:
+        """Draw the present state of one episode.
+
+        Args:
+            batch: the episodes.
+            row: which of them.
+            trail: where its object has been, shape (m, 2), m.
+
+        Returns:
+            The picture, shape (720, 720, 3), uint8.
+
+        Raises:
+            RenderingError: where there is no OpenGL.
+        """
+        renderer, data = self._renderer(batch.robot, batch.state.params[row].object)
+        import mujoco
+
+        q, (x, y, angle) = batch.state.q_r[row], batch.state.pose[row]
+        height = get_object(batch.state.params[row].object).height
+        data.qpos[:] = (*q, x, y, height / 2, np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
+        mujoco.mj_kinematics(renderer.model, data)
+        mujoco.mj_comPos(renderer.model, data)
+        mujoco.mj_camlight(renderer.model, data)
+        centre, radius = base_position(batch.robot, q), batch.robot.workspace_radius
+        renderer.update_scene(data, _camera(centre, radius))
+        _add_disc(renderer.scene, centre, radius, -TABLE_HEIGHT, TABLE)
+        _add_disc(renderer.scene, batch.task.goal, GOAL_RADIUS, MARK_HEIGHT, GOAL)
+        if batch.tracking:
+            for point in _thinned(batch.task.reference, REFERENCE_MARKS):
+                _add_disc(renderer.scene, point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL)
+        for point in _thinned(trail, TRAIL_MARKS) if trail is not None and len(trail) > 1 else []:
+            _add_disc(renderer.scene, point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL)
+        return renderer.render()
+
+    def close(self) -> None:
+        """Free the renderers and their OpenGL contexts."""
+        while self._renderers:
+            renderer, _ = self._renderers.popitem()[1]
+            renderer.scene.ngeom = 0
+            renderer.render()  # makes its context current: closing frees by numbers, which others use too
+            renderer.close()
+
+    def __del__(self):
+        self.close()
+
+    def _renderer(self, robot: Robot, object_name: str) -> tuple[Any, Any]:
+        """The renderer of a scene and the data it draws from."""
+        key = (robot.name, object_name)
+        if key not in self._renderers:
+            self._renderers[key] = _open(robot, object_name)
+            _close_at_exit()
+            _opened.add(self)
+        return self._renderers[key]
+
+
+_opened: weakref.WeakSet[SpaceFrames] = weakref.WeakSet()
+
+
+@cache
+def _close_at_exit() -> None:
+    """Close what was left open before EGL ends: to be called once EGL has registered its own end."""
+    atexit.register(_close_all)
+
+
+def _close_all() -> None:
+    for frames in list(_opened):
+        frames.close()
+
+
+# --- scene -------------------------------------------------------------------------------------
+
+
+def _open(robot: Robot, object_name: str) -> tuple[Any, Any]:
+    """A renderer of a scene and data of its model.
+
+    Raises:
+        RenderingError: where there is no OpenGL.
+    """
+    with _opengl():
+        _choose_backend()
+        import mujoco
+    model = _model(robot, object_name)
+    data = mujoco.MjData(model)
+    with _opengl():
+        return mujoco.Renderer(model, SIZE, SIZE), data
+
+
+@contextmanager
+def _opengl() -> Iterator[None]:
+    """Say what to do where OpenGL fails: each backend does so in its own way, some when imported."""
+    try:
+        yield
+    except Exception as cause:
+        raise RenderingError(
+            f"renderer='mujoco' could not open OpenGL with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r} "
+            f"({type(cause).__name__}: {cause}); without a screen set MUJOCO_GL=egl, or MUJOCO_GL=osmesa where "
+            "libosmesa is installed, before Python starts, or use renderer='drawing'"
+        ) from cause
+
+
+def _choose_backend() -> None:
+    """Take EGL where nothing was chosen and there is no screen, even if MuJoCo has been imported before."""
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if sys.platform != "linux" or screen or os.environ.get("MUJOCO_GL"):
+        return
+    os.environ["MUJOCO_GL"] = "egl"
+    if "mujoco" in sys.modules:  # it has looked at the variable already, and looks again
+        importlib.reload(sys.modules[sys.modules["mujoco"].Renderer.__module__].gl_context)
+
+
+def _model(robot: Robot, object_name: str) -> Any:
+    """The scene's model with colours, lights and a base column, for pictures alone."""
+    import mujoco
+
+    from piec_envs.dynamics.mjcf import build_spec
+
+    item = get_object(object_name)
+    spec = build_spec(robot, item, friction=1.0)
+    for geom in spec.geoms:
+        if geom.name == "table":
+            geom.rgba = HIDDEN  # without end; the workspace is drawn as a round one
+        elif geom.parent.name != "object":
+            geom.rgba = LINK
+    sliding = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)
+    base = spec.body(robot.joints[sliding - 1].name if sliding else "base")
+    base.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.07, 0.6 * item.height, 0], pos=[0, 0, 0.1 * item.height],
+        rgba=COLUMN, contype=0, conaffinity=0, mass=0,
+    )  # fmt: skip
+    for position, shade in (((-1.6, 0.9, 2.8), 0.42), ((1.2, -1.4, 2.6), 0.22)):
+        spec.worldbody.add_light(
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=position, dir=[-c for c in position],
+            diffuse=3 * [shade], specular=3 * [0.12], castshadow=True,
+        )  # fmt: skip
+    spec.add_texture(
+        name="background", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=BACKGROUND, rgb2=BACKGROUND, width=64, height=384,
+    )  # fmt: skip
+    spec.stat.center, spec.stat.extent = [0, 0, 0], 1.5 * robot.workspace_radius
+    visual = spec.visual
+    visual.global_.offwidth = visual.global_.offheight = SIZE
+    visual.headlight.ambient, visual.headlight.diffuse, visual.headlight.specular = 3 * [0.38], 3 * [0.08], 3 * [0.0]
+    visual.quality.shadowsize, visual.quality.offsamples, visual.quality.numslices = 4096, 8, 64
+    visual.map.shadowclip = 1.0
+    return spec.compile()
+
+
+def _camera(centre: np.ndarray, radius: float) -> Any:
+    """A free camera that sees the whole workspace around `centre`, shape (2,), m."""
+    import mujoco
+
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat[:] = (centre[0], centre[1] - BEFORE * radius, 0.0)
+    camera.elevation, camera.azimuth, camera.distance = ELEVATION, AZIMUTH, DISTANCE * radius
+    return camera
+
+
+def _add_disc(scene: Any, centre: np.ndarray, radius: float, height: float, colour: tuple[float, ...]) -> None:
+    """Add a disc between the plane z = 0 and a height, m, to what is drawn."""
+    import mujoco
+
+    position, size = np.array([*centre, height / 2]), np.array([radius, abs(height) / 2, 0.0])
+    cylinder, colours = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array(colour, dtype=np.float32)
+    mujoco.mjv_initGeom(scene.geoms[scene.ngeom], cylinder, size, position, np.eye(3).ravel(), colours)
+    scene.ngeom += 1
+
+
+def _thinned(points: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of the points, evenly chosen, the first and the last among them."""
+    return points[np.linspace(0, len(points) - 1, min(len(points), most)).round().astype(int)]
