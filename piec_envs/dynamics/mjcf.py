@@ -25,7 +25,7 @@ TABLE_FRICTION = 0.3  # between object and table
 # millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks and slips.
 ARM_CONTACT = {"solref": (0.008, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
 TABLE_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
-LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.23, 0.49, 0.72, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.94, 0.95, 1.0)
+LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.42, 0.55, 0.70, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.93, 0.91, 1.0)
 ARC_POINTS = 8  # on each rounded corner of an extruded outline
 
 

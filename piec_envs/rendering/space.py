@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SIZE = 720  # height and width of a frame, pixels
 ELEVATION, AZIMUTH = -60.0, 90.0  # of the camera's line of sight, degrees; x points right in the picture
 DISTANCE, BEFORE = 2.68, 0.09  # of the camera from what it looks at, and of that from the base, over the radius
-TABLE, LINK, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.42, 0.55, 0.70, 1.0), (0.0, 0.0, 0.0, 0.0)
+TABLE, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.0, 0.0, 0.0, 0.0)
 BACKGROUND = (0.80, 0.84, 0.89)
 COLUMN, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
 TABLE_HEIGHT, MARK_HEIGHT = 0.05, 1e-3  # of the table top, and of flat discs on it, m
@@ -151,7 +151,7 @@ def _choose_backend() -> None:
 
 
 def _model(robot: Robot, object_name: str) -> Any:
-    """The scene's model with colours, lights and a base column, for pictures alone."""
+    """The scene's model with lights and a base column, for pictures alone."""
     import mujoco
 
     from piec_envs.dynamics.mjcf import build_spec
@@ -161,8 +161,6 @@ def _model(robot: Robot, object_name: str) -> Any:
     for geom in spec.geoms:
         if geom.name == "table":
             geom.rgba = HIDDEN  # without end; the workspace is drawn as a round one
-        elif geom.parent.name != "object":
-            geom.rgba = LINK
     sliding = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)
     base = spec.body(robot.joints[sliding - 1].name if sliding else "base")
     base.add_geom(
