@@ -35,7 +35,6 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
     benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
         "contact step": contact_step,
         "slowest steps": slowest_steps,
-        "MuJoCo": mujoco_steps,
         "vector steps": vector_steps,
         "single step": single_step,
         "escape fields": escape_fields,
@@ -43,6 +42,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "static caging": static_caging,
         "full plans": partial(full_plans, progress=progress),
         "rollouts": rollout_threads,
+        "MuJoCo": mujoco_steps,
     }
     rows: list[Row] = []
     with tqdm(benchmarks.items(), disable=not progress, desc="bench") as bar:
