@@ -40,6 +40,7 @@ def _env_rate(envs: Any, steps: int, repeats: int) -> float:
     actions = np.random.default_rng(0).uniform(-1, 1, (steps, *envs.action_space.shape))
 
     def run() -> None:
+        """Step through all actions."""
         for action in actions:
             envs.step(action)
 

@@ -42,6 +42,7 @@ def _seconds(call, count: int, repeats: int) -> float:
     often = max(1, 20_000 // count)
 
     def calls() -> None:
+        """Make the call several times."""
         for _ in range(often):
             call()
 
@@ -59,6 +60,7 @@ def _paper_network(points: np.ndarray, q: np.ndarray):
     module = torch.nn.Sequential(*layers, torch.nn.Linear(width, 1), torch.nn.Softplus())
 
     def query() -> np.ndarray:
+        """Ask it on one thread."""
         threads = torch.get_num_threads()
         torch.set_num_threads(1)
         with torch.inference_mode():

@@ -95,6 +95,7 @@ def _scikit_fmm(q: np.ndarray, resolution: int, repeats: int) -> float | None:
     ring = np.ma.masked_array(inside, inside < -2 * (x[0, 1] - x[0, 0]))
 
     def run() -> None:
+        """March over every map."""
         for item in maps:
             skfmm.travel_time(ring, item.speed, dx=float(x[0, 1] - x[0, 0]), order=2)
 

@@ -144,15 +144,12 @@ def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> d
             "pos": [*shape.vertices[0], 0],
         }
     if shape.is_rectangle:
-        (x, y), (following_x, following_y) = (
-            shape.vertices[1] - shape.vertices[0],
-            shape.vertices[2] - shape.vertices[1],
-        )
+        edge, following = np.diff(shape.vertices[:3], axis=0)  # (2,), (2,)
         return {
             "type": mujoco.mjtGeom.mjGEOM_BOX,
-            "size": [np.hypot(x, y) / 2, np.hypot(following_x, following_y) / 2, half],
+            "size": [np.hypot(*edge) / 2, np.hypot(*following) / 2, half],
             "pos": [*shape.vertices.mean(axis=0), 0],
-            "quat": _turned(np.arctan2(y, x)),
+            "quat": _turned(np.arctan2(edge[1], edge[0])),
         }
     outline = shape.outline(ARC_POINTS)  # (m, 2)
     corners = np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (-half, half)])

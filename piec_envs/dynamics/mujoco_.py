@@ -28,7 +28,6 @@ ENGINE_STEPS = round(CONTROL_PERIOD / TIMESTEP)  # in a control step
 SETTLE_ROUNDS, SETTLE_ENGINE_STEPS = 100, 2  # in which an overlap is relaxed
 SETTLED = 1e-4  # m; an overlap that counts as none
 SMALL_BATCH = 64  # row-steps below which a second thread costs more than it brings to measuring
-COMMAND_MODEL = ContactModel()  # the rule of q_cmd, which is the same for every dynamics
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
@@ -41,12 +40,13 @@ class MujocoDynamics:
 
     Args:
         threads: threads over rows; None takes all cores.
+        model: settings of the quasi-dynamic model, of which the lead of the commands holds here too.
     """
 
     name = "mujoco"
 
-    def __init__(self, threads: int | None = None):
-        self.threads = threads
+    def __init__(self, threads: int | None = None, model: ContactModel | None = None):
+        self.threads, self.model = threads, model or ContactModel()
 
     def rollout(
         self,
@@ -83,7 +83,7 @@ class MujocoDynamics:
         motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][2].links)
         motion.memory[:] = memory or motion.memory
         for name, rows, scene in groups:
-            job = _Job(name, rows, scene, plant, commands, motion, engine_steps)
+            job = _Job(name, rows, scene, self.model, plant, commands, motion, engine_steps)
             run_rows(_simulate, len(rows), self.threads, job)
             run_rows(
                 measure_motion_rows, len(rows), 1 if batch * steps < SMALL_BATCH else self.threads, rows, scene,
@@ -101,6 +101,7 @@ class _Job:
     object_name: str
     rows: np.ndarray
     scene: PackedScene
+    model: ContactModel
     plant: Plant
     commands: Commands
     motion: Motion
@@ -140,7 +141,7 @@ def _simulate(lo: int, hi: int, job: _Job) -> None:
         if commands.displacement is not None:
             shift_rows(lo, hi, job.rows, t, job.scene, commands.displacement, motion.q_r, motion.pose,
                        position[:, n : n + 2])  # fmt: skip
-        command_rows(lo, hi, job.rows, t, job.scene, COMMAND_MODEL, commands.values, commands.absolute,
+        command_rows(lo, hi, job.rows, t, job.scene, job.model, commands.values, commands.absolute,
                      (motion.q_r, motion.q_cmd, motion.actions), ctrl)  # fmt: skip
         state[:, 0] = 0.0  # time: the engine stops it where it warns
         _engines.loop.rollout(

@@ -36,7 +36,7 @@ def _mujoco(options: DynamicsOptions) -> Dynamics:
     """Second order: MuJoCo, the object resting on a table."""
     from piec_envs.dynamics.mujoco_ import MujocoDynamics  # MuJoCo is loaded by those who use it alone
 
-    return MujocoDynamics(options.threads)
+    return MujocoDynamics(options.threads, options.model)
 
 
 DYNAMICS: dict[str, Callable[[DynamicsOptions], Dynamics]] = {"quasi_dynamic": _quasi_dynamic, "mujoco": _mujoco}

@@ -118,6 +118,7 @@ def march_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least:
     open_nodes = {tuple(k) for k in np.argwhere(~known & np.isfinite(cost))}
 
     def arrival(i, j):
+        """Second-order time at a node from its accepted neighbours."""
         bases, weights, nears = [], [], []
         for di, dj in ((0, 1), (1, 0)):
             sides = [s for s in (-1, 1) if known[i + s * di, j + s * dj]]
@@ -138,6 +139,7 @@ def march_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least:
         return t if t >= max(nears) else one
 
     def beside(i, j):
+        """Open neighbours of a node."""
         return {(i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)} & open_nodes
 
     for k in [k for k in open_nodes if any(known[k[0] + a, k[1] + b] for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1)))]:

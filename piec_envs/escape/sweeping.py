@@ -203,6 +203,7 @@ def sweep_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least:
     free = np.argwhere(np.isinf(time) & np.isfinite(cost))
 
     def neighbour(i, j, di, dj):
+        """The earlier of two opposite neighbours: its time, and the mean slowness on the way."""
         end = min(((i - di, j - dj), (i + di, j + dj)), key=lambda k: time[k])
         return time[end], (cost[i, j] + cost[end]) / 2
 

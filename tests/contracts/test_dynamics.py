@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from piec_envs.dynamics.base import Commands, Dynamics, Plant
+from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.table import DYNAMICS, DynamicsByRow, DynamicsOptions
 from piec_envs.errors import InvalidStateError, UnknownNameError
 from piec_envs.geometry.distance import scene_distances
@@ -85,6 +86,17 @@ def test_without_contact_the_object_rests_and_the_arm_follows(name):
     np.testing.assert_allclose(motion.q_cmd[:, 1:], wanted, atol=1e-12)  # no lead was cut
     np.testing.assert_allclose(motion.q_r[:, 1:], wanted, atol=0.01)
     assert not motion.contact.any() and not motion.active.any() and not motion.diverged.any()
+
+
+@every_dynamics
+@pytest.mark.parametrize("model", [ContactModel(), PAPER_MODEL], ids=["default", "paper"])
+def test_the_lead_of_the_command_follows_the_settings(name, model):
+    """A command far ahead of its joint is cut to the robot's lead, or kept."""
+    dynamics, far = DYNAMICS[name](DynamicsOptions(model=model)), np.array([[-1.1, -0.4, 0.3]])
+    q, ahead = ROBOT.home[None], ROBOT.home[None] + 0.2
+    motion = dynamics.rollout(q, ahead, far, Commands(np.zeros((1, 1, 4))), plant_of(["circle"]))
+    lead = ahead - q if model.unlimited_lead else ROBOT.joint_array("max_lead")[None]
+    np.testing.assert_allclose(motion.q_cmd[:, 1] - q, lead, atol=1e-12)
 
 
 @every_dynamics

@@ -83,11 +83,13 @@ def clear_points(
     radius = get_robot(robot_name).workspace_radius
 
     def draw(rows, count):
+        """Candidates for some rows."""
         if np.isfinite(high):
             return _near_shapes(rng, robot_name, q[rows], high, count)
         return _in_disc(rng, np.zeros((len(rows), 2)), radius, count)
 
     def good(rows, points):
+        """Which candidates lie in the disc and at a wanted distance from the robot."""
         distance = robot_distance(robot_name, points, q[rows])
         return (distance >= low) & (distance <= high) & (np.hypot(*points.transpose(2, 0, 1)) < radius)
 
@@ -99,6 +101,7 @@ def around_points(robot_name: str, q: np.ndarray, k: int, rng: np.random.Generat
     radius, centre = get_robot(robot_name).workspace_radius, robot_vertices(robot_name, q).mean(axis=1)
 
     def good(rows, points):
+        """Which candidates lie in the disc and at a wanted distance from the robot."""
         distance = robot_distance(robot_name, points, q[rows])
         return (distance >= low) & (np.hypot(*points.transpose(2, 0, 1)) < radius)
 
