@@ -235,7 +235,7 @@ class EpisodeBatch:
         motion = self.dynamics.rollout(
             state.q_r, state.q_cmd, state.pose, Commands(values, absolute, displacement), plant, state.memory
         )
-        if state.diverged.any():
+        if np.count_nonzero(state.diverged):  # quicker on one row than any()
             motion.hold(np.flatnonzero(state.diverged), 0)
         first_step = state.step.copy()
         state.q_r, state.q_cmd = motion.q_r[:, -1].copy(), motion.q_cmd[:, -1].copy()
@@ -250,7 +250,7 @@ class EpisodeBatch:
 
     def _displacement(self, state, steps, noise, flees) -> np.ndarray | None:
         """The object's free displacement in the next steps, shape (B, steps, 2), m."""
-        if noise is None and not flees.any():
+        if noise is None and not np.count_nonzero(flees):
             return None
         drift = np.where(flees[:, None] > 0, state.drift, 0.0)  # a calm object may still hold an old drift
         displacement = np.repeat(drift[:, None], steps, axis=1)
