@@ -122,7 +122,7 @@ class PlanarArmCageEnv(CageEnv):
     **Observation.** Box(4,): object x, y (m), cos and sin of its angle.
 
     **Reward.** 0.02 (T_hat - 1e3 overlap): the caging less 20 for each metre of overlap, added up over
-    each link with each shape of the object and each two links that are no neighbours. It is 0.02 times
+    each link with each shape of the object and each two links that could collide. It is 0.02 times
     the value of `planners.CagingProblem`, so that planners and RL maximise one thing. A free object has
     0.4 to 0.5, an enclosed one about 1.0 to 1.8.
 

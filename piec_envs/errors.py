@@ -72,6 +72,10 @@ class WeightsError(PiecError, ValueError):
     """A weight file of a learned field that is missing, broken, or made for another robot."""
 
 
+class MeshError(PiecError, ValueError):
+    """A mesh file that is missing, or not the one that the suite was made with."""
+
+
 class RenderingError(PiecError, RuntimeError):
     """Frames that cannot be drawn on this machine."""
 

@@ -12,6 +12,8 @@ from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.posture import CagingProblem, Postures
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, as_floats, check_name
 from piec_envs.escape.field import EscapeField
+from piec_envs.escape.samples import CURL
+from piec_envs.world.robots import get_robot
 from planners.strategy import GUESS_STREAM, make_strategy
 
 GUESSES = ("uniform", "curled", "left", "right")
@@ -29,7 +31,7 @@ class Configuration:
         escape_time: T_hat under the problem's field, s.
         feasible: whether it keeps all constraints.
         object_distance: least distance of a link to the object, m.
-        self_distance: least distance of two links that are no neighbours, m; inf if that is left free.
+        self_distance: least distance of two links that could collide, m; inf if that is left free.
         queries: postures at which the field was asked, gradients included.
         history: T_hat of the best posture so far after each iteration, shape (iterations,), s;
             -inf before the first feasible one.
@@ -111,8 +113,8 @@ def draw_postures(problem: CagingProblem, kind: str, rows: int, rng: np.random.G
 
     Args:
         problem: gives the joint limits.
-        kind: "uniform" within the limits; "left", "right" or, at random, either ("curled"): all joints
-            but the first turn that way.
+        kind: "uniform" within the limits; "left", "right" or, at random, either that the robot can
+            ("curled"): all joints but the first bend that way.
         rows: how many.
         rng: source of randomness.
 
@@ -122,8 +124,11 @@ def draw_postures(problem: CagingProblem, kind: str, rows: int, rng: np.random.G
     check_name("kind of postures", kind, GUESSES)
     q = rng.uniform(problem.lower, problem.upper, (rows, len(problem.lower)))
     if kind != "uniform":
-        side = {"left": 1.0, "right": -1.0}.get(kind, rng.choice([-1.0, 1.0], (rows, 1)))
-        q[:, 1:] = np.clip(np.abs(q[:, 1:]) * side, problem.lower[1:], problem.upper[1:])
+        robot = get_robot(problem.robot)
+        side = {"left": 1.0, "right": -1.0}.get(kind, rng.choice(robot.curl_sides(CURL[0]), (rows, 1)))
+        turning = slice(robot.base_dof + 1, None)
+        straight, lower, upper = robot.straight[turning], problem.lower[turning], problem.upper[turning]
+        q[:, turning] = np.clip(straight + np.abs(q[:, turning] - straight) * side, lower, upper)
     return q
 
 

@@ -71,7 +71,7 @@ def _self_distance_rows(lo, hi, scene, path, every, least):
 
 
 def self_distances(batch: EpisodeBatch, path: np.ndarray, every: int) -> np.ndarray:
-    """Least distance between links that are no neighbours, at every k-th configuration of each path.
+    """Least distance between links that could collide, at every k-th configuration of each path.
 
     Args:
         batch: gives the robot.
@@ -95,7 +95,7 @@ def crossing(batch: EpisodeBatch, path: np.ndarray) -> np.ndarray:
         path: joint positions, shape (B, N, n).
 
     Returns:
-        Shape (B,), m; 0 where links that are no neighbours never overlap.
+        Shape (B,), m; 0 where links that could collide never overlap.
     """
     return np.maximum(0.0, -self_distances(batch, path, CROSSING_EVERY)).sum(axis=1)
 

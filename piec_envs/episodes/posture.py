@@ -10,7 +10,7 @@ import numpy as np
 
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
 from piec_envs.escape.field import REDUCTIONS, EscapeField, key_points_world
-from piec_envs.geometry.clearance import clearance_rows, link_pairs
+from piec_envs.geometry.clearance import clearance_rows
 from piec_envs.parallel import run_rows
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
@@ -44,7 +44,7 @@ class CagingProblem:
     """Choose a posture q that maximises T_hat(pose, q), without overlap and within the joint limits.
 
     The constraints phi >= 0 are, in metres: for each link and each shape of the object their signed
-    distance, then for each two links that are no neighbours theirs, all less `clearance`.
+    distance, then for each two links that could collide theirs, all less `clearance`.
 
     Args:
         robot: row of the table of robots.
@@ -113,7 +113,7 @@ class CagingProblem:
     @cached_property
     def pairs(self) -> np.ndarray:
         """Links to hold apart, shape (P, 2)."""
-        return link_pairs(self.scene) if self.avoid_self_overlap else np.zeros((0, 2), dtype=np.int64)
+        return self.scene.apart if self.avoid_self_overlap else np.zeros((0, 2), dtype=np.int64)
 
     @property
     def lower(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from piec_envs.kernels import batch_kernel
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
-CURL = (0.6, 2.6)  # rad, range of |q_2|, ..., |q_n| in a curled configuration
+CURL = (0.6, 2.6)  # rad, by which every turning joint but the first bends in a curled configuration
 CLOSING = (0.0, 0.1)  # m, range of the distance between two links in a closing configuration
 CURLED_REACH = 0.35  # m, points of the curled set lie this close to the robot's centroid
 
@@ -38,7 +38,7 @@ def _vertices(scene, q, out):
 
 @batch_kernel
 def _self_distances(scene, q, out):
-    """Least distance between links that are no neighbours, shape (B,), m."""
+    """Least distance between links that could collide, shape (B,), m."""
     frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(scene.robot.centre)
     vertices = np.empty_like(scene.robot.vertices)
     for row in range(q.shape[0]):
@@ -79,9 +79,9 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
 
     Args:
         robot_name: a row of the table of robots.
-        kind: "uniform" within the limits; "curled": all joints but the first of one sign, 0.6 to 2.6 rad;
-            "closing": curled, with two links that are no neighbours up to 0.1 m apart (of a robot without
-            such links just curled).
+        kind: "uniform" within the limits; "curled": all joints but the first bend to one side by 0.6 to
+            2.6 rad, as far as the limits allow; "closing": curled, with two links that could collide up to
+            0.1 m apart (of a robot without such links just curled).
         rows: how many.
         rng: source of randomness.
 
@@ -105,8 +105,10 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
     lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
     q = rng.uniform(lower, upper, size=(rows, robot.dof))
     if kind == "curled":
-        sign = rng.choice([-1.0, 1.0], size=(rows, 1))
-        q[:, 1:] = np.clip(sign * rng.uniform(*CURL, size=(rows, robot.dof - 1)), lower[1:], upper[1:])
+        first, straight = robot.base_dof + 1, robot.straight
+        side = rng.choice(robot.curl_sides(CURL[0]), size=(rows, 1))
+        bend = side * rng.uniform(*CURL, size=(rows, robot.dof - first))
+        q[:, first:] = np.clip(straight[first:] + bend, lower[first:], upper[first:])
     return q
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from piec_envs.geometry.distance import core_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity, pose_frame
 from piec_envs.kernels import batch_kernel, kernel
-from piec_envs.world.scene import PackedScene
 
 FLUSH = 1e-9  # m; vertices this far behind the foremost one still count as touching
 
@@ -97,7 +96,7 @@ def clearance_rows(lo, hi, scene, pairs, pose, q, phi, slope):
     Args:
         lo, hi: row range.
         scene: a `PackedScene`.
-        pairs: links to hold apart, shape (P, 2); see `link_pairs`.
+        pairs: links to hold apart, shape (P, 2), such as `scene.apart`.
         pose: object poses, shape (B, 3), m and rad.
         q: joint positions, shape (B, n).
         phi: output, shape (B, links * shapes + P), m: link by link the distance to each of the
@@ -115,9 +114,3 @@ def clearance_rows(lo, hi, scene, pairs, pose, q, phi, slope):
         phi[row] = np.inf
         _object_clearances(scene, frames, vertices, object_vertices, phi[row], slope[row])
         _self_clearances(scene, frames, vertices, pairs, phi[row], slope[row])
-
-
-def link_pairs(scene: PackedScene) -> np.ndarray:
-    """Pairs of links that are no neighbours, shape (P, 2)."""
-    pairs = [(i, k) for i in range(scene.links) for k in range(i + 2, scene.links)]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -166,17 +166,17 @@ def point_distance(robot, robot_vertices, x, y):
 
 @kernel
 def self_distance(scene, robot_vertices):
-    """Least signed distance between two links that are not neighbours, m (inf if there are none)."""
+    """Least signed distance between two links that could collide, m (inf if there are none)."""
     robot = scene.robot
     best = np.inf
-    for i in range(robot.radius.shape[0]):
-        for k in range(i + 1, robot.radius.shape[0]):
-            if robot.link[k] - robot.link[i] < 2:
-                continue
-            core, _, _ = core_distance(
-                robot_vertices, robot.first[i], robot.first[i + 1], robot_vertices, robot.first[k], robot.first[k + 1]
-            )
-            best = min(best, core - robot.radius[i] - robot.radius[k])
+    for p in range(scene.apart.shape[0]):
+        for i in range(robot.radius.shape[0]):
+            for k in range(robot.radius.shape[0]):
+                if robot.link[i] != scene.apart[p, 0] or robot.link[k] != scene.apart[p, 1]:
+                    continue
+                a, a_end, b, b_end = robot.first[i], robot.first[i + 1], robot.first[k], robot.first[k + 1]
+                core, _, _ = core_distance(robot_vertices, a, a_end, robot_vertices, b, b_end)
+                best = min(best, core - robot.radius[i] - robot.radius[k])
     return best
 
 
@@ -191,7 +191,7 @@ def scene_distances(scene, q, pose, distances):
         distances: output, signed distance of each link to the object, shape (links,), m.
 
     Returns:
-        The least distance between two links that are not neighbours, m.
+        The least distance between two links that could collide, m.
     """
     frames = np.empty((q.shape[0] + 1, 4))
     object_frame = np.empty((1, 4))

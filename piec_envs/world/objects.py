@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from piec_envs.errors import InvalidShapeError, check_name
-from piec_envs.world.shapes import RoundedPolygon, disc, regular_polygon
+from piec_envs.world.shapes import RoundedPolygon, box, disc, regular_polygon
 
 # A key point nearer to the object's surface than this would enter the wall of the escape field
 # (d0 = 0.03 m) when the object touches the arm, and pressing would pay as if it were enclosing.
@@ -60,16 +60,23 @@ def _depth_inside(shape: RoundedPolygon, point: np.ndarray) -> float:
     return float((left / np.linalg.norm(edges, axis=1)).min()) + shape.radius
 
 
-def _single(name: str, shape: RoundedPolygon) -> Object:
-    return Object(name, (shape,), key_points=np.zeros((1, 2)))
+def _single(name: str, shape: RoundedPolygon, height: float = 0.1) -> Object:
+    return Object(name, (shape,), key_points=np.zeros((1, 2)), height=height)
 
 
-def _discs(name: str, centres: np.ndarray, radius: float) -> Object:
-    return Object(name, tuple(disc(radius, centre) for centre in centres), key_points=centres)
+def _discs(name: str, centres: np.ndarray, radius: float, height: float = 0.1) -> Object:
+    return Object(name, tuple(disc(radius, centre) for centre in centres), key_points=centres, height=height)
+
+
+def _grid(x: tuple[float, ...], y: tuple[float, ...]) -> np.ndarray:
+    """Points (a, b) for each a of x and b of y, shape (k, 2), m."""
+    return np.array([(a, b) for b in y for a in x])
 
 
 _TRIANGLE = np.array([(np.cos(a), np.sin(a)) for a in np.pi / 2 + 2 * np.pi / 3 * np.arange(3)])
 
+# Everyday objects are as tall as they are; the others could be of any height. A box is held by its centre
+# and by discs in its corners, of the radius of the rolls in a paper pack.
 # The polygons contain the circle (same apothem): corner excess 6.2, 11.6 and 31.1 mm.
 OBJECTS = {
     item.name: item
@@ -79,6 +86,13 @@ OBJECTS = {
         _single("hexagon", regular_polygon(6, 0.075)),
         _single("square", regular_polygon(4, 0.075)),
         _discs("three_discs", 0.1 / np.sqrt(3) * _TRIANGLE, 0.05),
+        _single("circle_119", disc(0.119)),
+        _single("box_212", box(0.212, 0.212)),
+        _single("water_jug", disc(0.08), height=0.3),
+        Object(
+            "box", (box(0.3, 0.2),), np.concatenate([np.zeros((1, 2)), _grid((-0.1, 0.1), (-0.05, 0.05))]), height=0.25
+        ),
+        _discs("paper_pack", _grid((-0.1, 0.0, 0.1), (-0.05, 0.05)), 0.05, height=0.22),
     )
 }
 

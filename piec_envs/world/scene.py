@@ -37,6 +37,7 @@ class PackedScene(NamedTuple):
     reach: np.ndarray  # (n,) largest lever arm of each joint, m (1 for a sliding joint)
     robot: PackedShapes
     links: int
+    apart: np.ndarray  # (P, 2) int64, pairs of links that could collide
     object: PackedShapes
 
 
@@ -72,6 +73,16 @@ def _reach(robot) -> np.ndarray:
     return reach
 
 
+def _links_apart(robot) -> np.ndarray:
+    """Pairs of links with a joint between their frames that neither is next to, shape (P, 2).
+
+    Those on the two sides of one joint touch each other all the time, or by their build never do.
+    """
+    frames = [link.frame for link in robot.links]
+    pairs = [(i, k) for i in range(len(frames)) for k in range(i, len(frames)) if frames[k] - frames[i] >= 2]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
 @cache
 def pack_scene(robot_name: str, object_name: str) -> PackedScene:
     """Pack one robot and one object.
@@ -98,5 +109,6 @@ def pack_scene(robot_name: str, object_name: str) -> PackedScene:
         reach=_reach(robot),
         robot=pack_shapes([(shape, link.frame, i) for i, link in enumerate(robot.links) for shape in link.shapes]),
         links=len(robot.links),
+        apart=_links_apart(robot),
         object=pack_shapes([(shape, 0, 0) for shape in item.shapes]),
     )

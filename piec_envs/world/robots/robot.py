@@ -92,6 +92,31 @@ class Robot:
         return corners[int(np.argmax(np.hypot(*corners.T)))].astype(float)
 
     @property
+    def straight(self) -> np.ndarray:
+        """Where each turning joint but the first lines up the segments before and after it, 0 elsewhere, shape (n,).
+
+        Segments go from joint to joint and on to the tip; of equal angles the one nearest to the limits is taken.
+        """
+        straight = np.zeros(self.dof)
+        for j in range(self.base_dof + 1, self.dof):
+            joint = self.joints[j]
+            after = self.joints[j + 1].origin[:2] if j + 1 < self.dof else self.tip
+            bend = joint.origin[2] + np.arctan2(after[1], after[0]) - np.arctan2(joint.origin[1], joint.origin[0])
+            aligned = -bend / joint.axis[2]
+            middle = (joint.lower + joint.upper) / 2
+            straight[j] = aligned + 2 * np.pi * np.round((middle - aligned) / (2 * np.pi))
+        return straight
+
+    def curl_sides(self, least: float) -> tuple[float, ...]:
+        """The sides, 1 (left) or -1, to which all turning joints but the first can bend by `least`, rad."""
+        turning = range(self.base_dof + 1, self.dof)
+        room = {
+            1.0: [self.joints[j].upper - self.straight[j] for j in turning],
+            -1.0: [self.straight[j] - self.joints[j].lower for j in turning],
+        }
+        return tuple(side for side in (-1.0, 1.0) if all(bend >= least for bend in room[side]))
+
+    @property
     def half_width(self) -> float:
         """Largest distance of a link's surface from its axis, frame origin to frame origin or tip, m."""
         widest = 0.0

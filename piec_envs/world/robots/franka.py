@@ -1,0 +1,133 @@
+"""The Franka Panda as a planar arm: joints 1, 4 and 6 turn about vertical axes (paper, section 7).
+
+With q2 at 90 degrees, q3 at -90 and q5 at 0 these axes are vertical and all links lie about the plane at
+z = 0.333 m. With q7 at 45 degrees the hand stands upright and is thin in that plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from piec_envs.world.robots.panda import BODIES, DH, EFFORT, FINGERS, FLANGE, LOWER, UPPER, body_frames, get_mesh
+from piec_envs.world.robots.robot import Joint, Link, Robot
+from piec_envs.world.sections import cross_section
+from piec_envs.world.shapes import RoundedPolygon, capsule
+
+ACTIVE = (0, 3, 5)  # of the seven joints
+POSTURE = np.array([0.0, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0, np.pi / 4])  # the others stay there, rad
+PLANE = float(DH[0, 2])  # m, height of the plane
+REACH_UP = 0.15  # m above and below the plane: half the height of the tallest object
+HOME = np.array([0.0, -0.47, 2.95])  # rad, straight
+GRIP = 0.0538  # m, length of the fingers
+CAPSULE_RADII = {"link 2": 0.06, "link 3": 0.06, "link 4": 0.06, "link 5": 0.055, "link 6": 0.055,
+                 "link 7": 0.045, "hand": 0.032}  # fmt: skip
+
+# Links in the plane: which bodies they are, and after how many of the turning joints.
+LINKS: Mapping[str, tuple[tuple[str, ...], int]] = {
+    **{f"link {i}": ((f"link{i}",), 1) for i in (1, 2, 3)},
+    **{f"link {i}": ((f"link{i}",), 2) for i in (4, 5)},
+    **{f"link {i}": ((f"link{i}",), 3) for i in (6, 7)},
+    "hand": (("hand",), 3),
+    "fingers": (("left finger", "right finger"), 3),
+}
+
+
+def all_joints(q_r: np.ndarray) -> np.ndarray:
+    """The seven joints of a planar posture, shapes (..., 7) and (..., 3), rad."""
+    q = np.broadcast_to(POSTURE, (*np.shape(q_r)[:-1], 7)).copy()
+    q[..., ACTIVE] = q_r
+    return q
+
+
+def planar_frames() -> np.ndarray:
+    """Poses in the plane of the base and of the frames after each joint, all at 0, shape (4, 4, 4), m.
+
+    Each has z upwards and x along that of its Denavit-Hartenberg frame, whose z may point downwards.
+    """
+    frames = [np.eye(4)]
+    frames[0][2, 3] = PLANE
+    for body in (1, 4, 6):
+        pose = body_frames(POSTURE)[body]
+        x, z = pose[:3, 0], np.array([0.0, 0.0, 1.0])
+        frames.append(np.eye(4))
+        frames[-1][:3, :3] = np.column_stack([x, np.cross(z, x), z])
+        frames[-1][:3, 3] = pose[:3, 3]
+    return np.stack(frames)
+
+
+def _joints() -> tuple[Joint, ...]:
+    """Joints 1, 4 and 6 in the plane."""
+    frames, bodies = planar_frames(), body_frames(POSTURE)
+    joints = []
+    for j, active in enumerate(ACTIVE):
+        relative = np.linalg.inv(frames[j]) @ frames[j + 1]
+        angle = np.arctan2(relative[1, 0], relative[0, 0])
+        x, y, angle = (np.round([*relative[:2, 3], angle], 9) + 0.0).tolist()  # no negative zeros
+        joints.append(
+            Joint(
+                name=f"q{active + 1}",
+                origin=(x, y, angle),
+                axis=(0.0, 0.0, float(np.sign(bodies[active + 1, 2, 2]))),
+                lower=float(LOWER[active]),
+                upper=float(UPPER[active]),
+                speed_limit=0.05,
+                max_lead=0.01,
+                stiffness=1e4,
+                damping=200.0,
+                armature=0.1,
+                effort=float(EFFORT[active]),
+            )
+        )
+    return tuple(joints)
+
+
+def _robot(name: str, links: tuple[Link, ...]) -> Robot:
+    return Robot(name, _joints(), links, home=HOME, workspace_radius=1.0)
+
+
+def franka() -> Robot:
+    """The Panda with the cross-sections of its collision meshes.
+
+    Raises:
+        MissingDependencyError: if the package that brings the meshes is not installed.
+        MeshError: if a mesh is not the expected one.
+    """
+    frames, bodies = planar_frames(), body_frames(POSTURE)
+    links = []
+    for name, (parts, frame) in LINKS.items():
+        corners = []
+        for part in parts:
+            pose = np.linalg.inv(frames[frame]) @ bodies[BODIES.index(part)]
+            corners.append(get_mesh(part).vertices @ pose[:3, :3].T + pose[:3, 3])
+        outline = cross_section(np.concatenate(corners), -REACH_UP, REACH_UP)
+        links.append(Link(name, frame, (RoundedPolygon(outline),)))
+    return _robot("franka", tuple(links))
+
+
+def franka_capsules() -> Robot:
+    """The Panda with capsules along its Denavit-Hartenberg frames, which needs no mesh."""
+    frames = planar_frames()
+    links = []
+    for name, (start, end, frame) in _axes().items():
+        a, b = (np.linalg.inv(frames[frame]) @ np.append(point, 1.0) for point in (start, end))
+        links.append(Link(name, frame, (capsule(np.round(a[:2], 9), np.round(b[:2], 9), CAPSULE_RADII[name]),)))
+    return _robot("franka_capsules", tuple(links))
+
+
+def _axes() -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
+    """Segments along the arm in space, and the planar frame that each is fixed in."""
+    bodies = body_frames(POSTURE)
+    origins, last = bodies[:, :3, 3], bodies[7]
+    flange = origins[7] + FLANGE * last[:3, 2]
+    elbow = origins[4] + DH[4, 0] * bodies[4, :3, 0]
+    return {
+        "link 2": (origins[2], origins[3], 1),
+        "link 3": (origins[3], origins[4], 1),
+        "link 4": (origins[4], elbow, 2),
+        "link 5": (elbow, origins[5], 2),
+        "link 6": (origins[6], origins[7], 3),
+        "link 7": (origins[7], flange, 3),
+        "hand": (flange, flange + (FINGERS + GRIP - CAPSULE_RADII["hand"]) * last[:3, 2], 3),
+    }
