@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -64,16 +64,22 @@ class CageInterface:
 
 
 class CageEnv(gym.Env):
-    """Base class of the single static caging environments; see the subclasses."""
+    """Base class of the single static caging environments; see the subclasses.
+
+    Args:
+        robot: row of the table of robots.
+        dtype: "float64" or "float32", of the observations.
+        render_mode: None or "rgb_array".
+        options: the other arguments of `CageConfig`.
+    """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
         "render_modes": list(RENDER_MODES),
         "render_fps": 1,
     }
-    robot_name: ClassVar[str]
 
-    def __init__(self, dtype: str = "float64", render_mode: str | None = None, **options: Any):
-        self._batch = CageBatch(make_cage_config(self.robot_name, options), rows=1)
+    def __init__(self, robot: str, dtype: str = "float64", render_mode: str | None = None, **options: Any):
+        self._batch = CageBatch(make_cage_config(robot, options), rows=1)
         self._interface = CageInterface(self._batch, dtype, render_mode)
         self.render_mode = render_mode
         self.observation_space = self._interface.observation_space
@@ -142,13 +148,15 @@ class PlanarArmCageEnv(CageEnv):
     **Version history.** v0: first version.
     """
 
-    robot_name = "planar_arm"
+    def __init__(self, **options: Any):
+        super().__init__("planar_arm", **options)
 
 
 class CageVectorEnv(NativeVectorEnv):
     """Base class of the static caging VectorEnvs.
 
     Args:
+        robot: row of the table of robots.
         num_envs: B.
         max_episode_steps: steps after which a row is truncated; None leaves ends to the task.
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
@@ -157,10 +165,9 @@ class CageVectorEnv(NativeVectorEnv):
         options: the arguments of `CageConfig` but the robot.
     """
 
-    robot_name: ClassVar[str]
-
     def __init__(
         self,
+        robot: str,
         num_envs: int = 1,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -170,7 +177,7 @@ class CageVectorEnv(NativeVectorEnv):
     ):
         rows = as_count("num_envs", num_envs)
         steps = None if max_episode_steps is None else as_count("max_episode_steps", max_episode_steps)
-        self._batch = CageBatch(make_cage_config(self.robot_name, options), rows)
+        self._batch = CageBatch(make_cage_config(robot, options), rows)
         interface = CageInterface(self._batch, dtype, render_mode)
         super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
 
@@ -189,6 +196,12 @@ class CageVectorEnv(NativeVectorEnv):
 
 
 class PlanarArmCageVectorEnv(CageVectorEnv):
-    """The VectorEnv of `PlanarArmCageEnv`."""
+    """The VectorEnv of `PlanarArmCageEnv`.
 
-    robot_name = "planar_arm"
+    Args:
+        num_envs: B.
+        options: the other arguments of `CageVectorEnv`.
+    """
+
+    def __init__(self, num_envs: int = 1, **options: Any):
+        super().__init__("planar_arm", num_envs, **options)

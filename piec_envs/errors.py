@@ -124,12 +124,14 @@ class MissingDependencyError(PiecError, ImportError):
     Args:
         package: the import name of the missing package.
         extra: the extra of this distribution that installs it.
+        instead: what can be done without it, as half a sentence.
     """
 
-    def __init__(self, package: str, extra: str):
-        self._given = (package, extra)
+    def __init__(self, package: str, extra: str, instead: str = ""):
+        self._given, self.extra = (package, extra, instead), extra
         super().__init__(
             f"{package!r} is not installed; it comes with the extra {extra!r}: pip install 'piec-envs[{extra}]'"
+            + (f", or {instead}" if instead else "")
         )
 
     def __reduce__(self):

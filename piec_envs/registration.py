@@ -33,6 +33,9 @@ ENVS = {
     "piec_envs/PlanarArmCage-v0": Entry(
         "piec_envs.cage_env:PlanarArmCageEnv", "piec_envs.cage_env:PlanarArmCageVectorEnv", None
     ),
+    "piec_envs/FrankaCage-v0": Entry(
+        "piec_envs.franka_env:FrankaCageEnv", "piec_envs.franka_env:FrankaCageVectorEnv", None
+    ),
 }
 MOTIONS = tuple(env_id for env_id, entry in ENVS.items() if entry.max_episode_steps)  # what plans are made for
 

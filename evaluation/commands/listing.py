@@ -34,12 +34,12 @@ def _tables() -> dict[str, dict[str, str]]:
     from piec_envs.escape.training import RECIPES
     from piec_envs.registration import ENVS
     from piec_envs.world.objects import OBJECTS
-    from piec_envs.world.robots import ROBOTS, get_robot
+    from piec_envs.world.robots import ROBOTS
     from planners.objectives import OBJECTIVES
 
     return {
         "environments": {name: _summary(entry.entry_point) for name, entry in ENVS.items()},
-        "robots": {name: f"{get_robot(name).dof} joints" for name in ROBOTS},
+        "robots": {name: _robot(name) for name in ROBOTS},
         "objects": {name: f"{len(item.shapes)} shape(s), {item.mass} kg" for name, item in OBJECTS.items()},
         "dynamics": {name: _first_line(make) for name, make in DYNAMICS.items()},
         "solvers": dict.fromkeys(SOLVERS, ""),
@@ -52,6 +52,18 @@ def _tables() -> dict[str, dict[str, str]]:
         "studies": {name: row.description for name, row in STUDIES.items()},
         "commands": {name: row.help for name, row in COMMANDS.items()},
     }
+
+
+def _robot(name: str) -> str:
+    """Joints, and where the shapes come from, as far as that is installed."""
+    from piec_envs.errors import MissingDependencyError
+    from piec_envs.world.robots import get_robot
+
+    try:
+        robot = get_robot(name)
+    except MissingDependencyError as error:
+        return f"needs the extra {error.extra!r}"
+    return f"{robot.dof} joints, geometry: {robot.geometry_source}"
 
 
 def _field(name: str, kind: Any) -> str:

@@ -1,8 +1,9 @@
 """MuJoCo models of the scenes: the same robots, objects and shapes as everywhere, given a height.
 
-The arm moves in the plane at half the object's height; the object is an upright prism that rests on a
-table. Geoms touch through explicit pairs alone, since MuJoCo would otherwise take the larger friction
-of the two: arm and object with the scene's mu, object and table with a friction of their own.
+The arm moves in the plane at half the object's height, its links being what the robot says they are in
+space, or else its shapes given a height; the object is an upright prism that rests on a table. Geoms
+touch through explicit pairs alone, since MuJoCo would otherwise take the larger friction of the two:
+arm and object with the scene's mu, object and table with a friction of their own.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import mujoco
 import numpy as np
 
 from piec_envs.world.objects import Object, get_object
-from piec_envs.world.robots import Robot, get_robot
+from piec_envs.world.robots import Link, Robot, get_robot
 from piec_envs.world.shapes import RoundedPolygon
 
 TIMESTEP = 0.002  # s
@@ -89,10 +90,27 @@ def _add_robot(spec: Any, robot: Robot, height: float) -> list[str]:
         drive.gainprm[0] = joint.stiffness
         drive.biasprm[1], drive.biasprm[2] = -joint.stiffness, -joint.damping
         drive.forcelimited, drive.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-joint.effort, joint.effort]
+    for link in robot.scenery:
+        _add_solids(spec, frames[link.frame], link)
     names = []
     for link in robot.links:
-        part = _Part(link.name, link.shapes, link.mass, LINK_COLOUR, is_link=True)
-        names += _add_part(spec, frames[link.frame], part, height)
+        if link.solids:
+            names += _add_solids(spec, frames[link.frame], link)
+        else:
+            part = _Part(link.name, link.shapes, link.mass, LINK_COLOUR, is_link=True)
+            names += _add_part(spec, frames[link.frame], part, height)
+    return names
+
+
+def _add_solids(spec: Any, body: Any, link: Link) -> list[str]:
+    """One convex mesh for each solid of a link, with an equal share of its mass; returns their names."""
+    names = [f"{link.name} solid {k}" for k in range(len(link.solids))]
+    for name, corners in zip(names, link.solids, strict=True):
+        spec.add_mesh(name=name, uservert=corners.ravel())
+        body.add_geom(
+            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=link.mass / len(names),
+            rgba=LINK_COLOUR, **_NO_COLLISION,
+        )  # fmt: skip
     return names
 
 

@@ -23,7 +23,7 @@ PUSH = "piec_envs/PlanarArmPush-v0"
 @pytest.mark.parametrize(
     ("choice", "error", "message"),
     [
-        ({"object": "circel"}, UnknownNameError, "circle, hexagon, octagon, square"),
+        ({"object": "circel"}, UnknownNameError, "circle, .*hexagon, octagon, .*square"),
         ({"dynamics": "real"}, UnknownNameError, "mujoco, quasi_dynamic"),
         ({"dynamics": "mujoco", "friction": -0.1}, InvalidParameterError, "friction"),
         ({"dynamics": "mujoco", "object": "cube"}, UnknownNameError, "square"),

@@ -102,7 +102,7 @@ def test_vector_row_equals_single_env(env_id, choice):
     rng = np.random.default_rng(0)
     ended = np.zeros(3, dtype=bool)
     for t in range(45):
-        actions = rng.uniform(-1, 1, (3, 4))
+        actions = rng.uniform(-1, 1, envs.action_space.shape)
         observation, reward, terminated, truncated, info = envs.step(actions)
         for i, env in enumerate(singles):
             if ended[i]:  # the row begins anew in this step
@@ -130,7 +130,7 @@ def test_autoreset_equals_sync_vector_env(env_id, mode):
     assert same(a[0], b[0]) and same(a[1], b[1])
     rng = np.random.default_rng(1)
     for _ in range(30):
-        actions = rng.uniform(-1, 1, (2, 4))
+        actions = rng.uniform(-1, 1, native.action_space.shape)
         a, b = native.step(actions), plain.step(actions)
         for x, y in zip(a[:4], b[:4], strict=True):
             np.testing.assert_array_equal(x, y)
@@ -158,8 +158,9 @@ def test_reset_is_reproducible(env_id, choice):
         steps = [env.step(action) for action in actions]
         return [observation, *(step[0] for step in steps)], [step[1] for step in steps]
 
-    actions = np.random.default_rng(0).uniform(-1, 1, (20 if env_id in MOTIONS else 1, 4))
     env = gym.make(env_id, **choice)
+    shape = (20 if env_id in MOTIONS else 1, *env.action_space.shape)
+    actions = np.random.default_rng(0).uniform(-1, 1, shape)
     first, unseeded = episode(env, 7), episode(env, None)
     again, unseeded_again = episode(env, 7), episode(env, None)
     for one, other in ((first, again), (unseeded, unseeded_again)):

@@ -10,7 +10,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from piec_envs.world.robots.panda import BODIES, DH, EFFORT, FINGERS, FLANGE, LOWER, UPPER, body_frames, get_mesh
+from piec_envs.world.robots.panda import (
+    BODIES,
+    DH,
+    EFFORT,
+    FINGERS,
+    FLANGE,
+    LOWER,
+    PACKAGE,
+    UPPER,
+    body_frames,
+    get_mesh,
+)
 from piec_envs.world.robots.robot import Joint, Link, Robot
 from piec_envs.world.sections import cross_section
 from piec_envs.world.shapes import RoundedPolygon, capsule
@@ -19,6 +30,7 @@ ACTIVE = (0, 3, 5)  # of the seven joints
 POSTURE = np.array([0.0, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0, np.pi / 4])  # the others stay there, rad
 PLANE = float(DH[0, 2])  # m, height of the plane
 REACH_UP = 0.15  # m above and below the plane: half the height of the tallest object
+RADIUS = 1.0  # m, of the workspace
 HOME = np.array([0.0, -0.47, 2.95])  # rad, straight
 GRIP = 0.0538  # m, length of the fingers
 CAPSULE_RADII = {"link 2": 0.06, "link 3": 0.06, "link 4": 0.06, "link 5": 0.055, "link 6": 0.055,
@@ -83,10 +95,6 @@ def _joints() -> tuple[Joint, ...]:
     return tuple(joints)
 
 
-def _robot(name: str, links: tuple[Link, ...]) -> Robot:
-    return Robot(name, _joints(), links, home=HOME, workspace_radius=1.0)
-
-
 def franka() -> Robot:
     """The Panda with the cross-sections of its collision meshes.
 
@@ -94,16 +102,19 @@ def franka() -> Robot:
         MissingDependencyError: if the package that brings the meshes is not installed.
         MeshError: if a mesh is not the expected one.
     """
-    frames, bodies = planar_frames(), body_frames(POSTURE)
     links = []
-    for name, (parts, frame) in LINKS.items():
-        corners = []
-        for part in parts:
-            pose = np.linalg.inv(frames[frame]) @ bodies[BODIES.index(part)]
-            corners.append(get_mesh(part).vertices @ pose[:3, :3].T + pose[:3, 3])
-        outline = cross_section(np.concatenate(corners), -REACH_UP, REACH_UP)
-        links.append(Link(name, frame, (RoundedPolygon(outline),)))
-    return _robot("franka", tuple(links))
+    for name, (bodies, frame) in LINKS.items():
+        solids = tuple(_solid(body, frame) for body in bodies)
+        outline = cross_section(np.concatenate(solids), -REACH_UP, REACH_UP)
+        links.append(Link(name, frame, (RoundedPolygon(outline),), solids=solids))
+    foot = Link("link 0", 0, (), solids=(_solid("link0", 0),))
+    return Robot("franka", _joints(), tuple(links), HOME, RADIUS, (foot,), f"meshes of {PACKAGE}")
+
+
+def _solid(body: str, frame: int) -> np.ndarray:
+    """Corners of a body's mesh in a planar frame, shape (V, 3), m."""
+    pose = np.linalg.inv(planar_frames()[frame]) @ body_frames(POSTURE)[BODIES.index(body)]
+    return get_mesh(body).vertices @ pose[:3, :3].T + pose[:3, 3]
 
 
 def franka_capsules() -> Robot:
@@ -113,7 +124,7 @@ def franka_capsules() -> Robot:
     for name, (start, end, frame) in _axes().items():
         a, b = (np.linalg.inv(frames[frame]) @ np.append(point, 1.0) for point in (start, end))
         links.append(Link(name, frame, (capsule(np.round(a[:2], 9), np.round(b[:2], 9), CAPSULE_RADII[name]),)))
-    return _robot("franka_capsules", tuple(links))
+    return Robot("franka_capsules", _joints(), tuple(links), HOME, RADIUS, geometry_source="capsules")
 
 
 def _axes() -> dict[str, tuple[np.ndarray, np.ndarray, int]]:

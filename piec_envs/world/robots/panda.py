@@ -17,6 +17,7 @@ import numpy as np
 from piec_envs.errors import MeshError, MissingDependencyError, check_name
 
 PACKAGE, EXTRA = "gymnasium_robotics", "franka"
+WITHOUT = "take capsules: geometry='capsules', the robot 'franka_capsules'"
 FOLDER = Path("envs/assets/kitchen_franka/franka_assets/meshes/collision")
 SHA_256 = {  # first 16 hex digits
     "link0": "dfc6d94330de8ddb",
@@ -99,7 +100,7 @@ def mesh_folder() -> Path:
     """
     spec = find_spec(PACKAGE)
     if spec is None or not spec.submodule_search_locations:
-        raise MissingDependencyError(PACKAGE, EXTRA)
+        raise MissingDependencyError(PACKAGE, EXTRA, WITHOUT)
     return Path(spec.submodule_search_locations[0]) / FOLDER
 
 

@@ -18,12 +18,15 @@ class Link:
         frame: the frame it is fixed in; 0 is the base, j the frame after the j-th joint.
         shapes: its geometry in that frame.
         mass: kg.
+        solids: what it is in space, where that is not its shapes given a height: corners of convex bodies
+            in that frame, z from the plane in which the robot moves, shape (V, 3) each, m.
     """
 
     name: str
     frame: int
     shapes: tuple[RoundedPolygon, ...]
     mass: float = 1.0
+    solids: tuple[np.ndarray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,8 @@ class Robot:
         links: the parts that can touch the object.
         home: the configuration of a fresh episode, shape (n,), rad or m.
         workspace_radius: radius of the escape disc around the base, m.
+        scenery: parts that touch nothing and are only drawn in space; they need solids, but no shapes.
+        geometry_source: where its shapes come from, for records.
     """
 
     name: str
@@ -74,6 +79,8 @@ class Robot:
     links: tuple[Link, ...]
     home: np.ndarray
     workspace_radius: float
+    scenery: tuple[Link, ...] = ()
+    geometry_source: str = "definition"
 
     @property
     def dof(self) -> int:
