@@ -15,6 +15,7 @@ from piec_envs.episodes.info import row_info
 from piec_envs.errors import InvalidActionError, as_count, check_name
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, NativeVectorEnv, take_row
+from piec_envs.rendering.renderer import Renderer
 
 
 def make_cage_config(robot: str, options: Mapping[str, Any]) -> CageConfig:
@@ -24,7 +25,7 @@ def make_cage_config(robot: str, options: Mapping[str, Any]) -> CageConfig:
         UnknownNameError: for a keyword that does not exist.
     """
     for name in options:
-        check_name("keyword argument", name, [*CageConfig.field_names(), "dtype", "render_mode"])
+        check_name("keyword argument", name, [*CageConfig.field_names(), "dtype", "render_mode", "renderer"])
     return CageConfig(robot, **options)
 
 
@@ -70,6 +71,7 @@ class CageEnv(gym.Env):
         robot: row of the table of robots.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
+        renderer: "drawing" (the plane, in software) or "mujoco" (in space, through OpenGL).
         options: the other arguments of `CageConfig`.
     """
 
@@ -78,10 +80,17 @@ class CageEnv(gym.Env):
         "render_fps": 1,
     }
 
-    def __init__(self, robot: str, dtype: str = "float64", render_mode: str | None = None, **options: Any):
+    def __init__(
+        self,
+        robot: str,
+        dtype: str = "float64",
+        render_mode: str | None = None,
+        renderer: str = "drawing",
+        **options: Any,
+    ):
         self._batch = CageBatch(make_cage_config(robot, options), rows=1)
         self._interface = CageInterface(self._batch, dtype, render_mode)
-        self.render_mode = render_mode
+        self.render_mode, self._renderer = render_mode, Renderer(renderer)
         self.observation_space = self._interface.observation_space
         self.action_space = self._interface.action_space
 
@@ -114,9 +123,11 @@ class CageEnv(gym.Env):
         """Draw the posture and its field, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             return None
-        from piec_envs.rendering.frame import render_posture
+        return self._renderer.posture(self._batch, 0)
 
-        return render_posture(self._batch, 0)
+    def close(self) -> None:
+        """Free what frames were drawn with."""
+        self._renderer.close()
 
 
 class PlanarArmCageEnv(CageEnv):
@@ -143,7 +154,8 @@ class PlanarArmCageEnv(CageEnv):
     **Info.** is_success, enclosed, escape_time (s), caging (0.02 of it), min_distance, penetration,
     self_distance (m), q_r, pose. At reset they describe the straight arm, which counts as not enclosing.
 
-    **Arguments.** Those of `CageConfig` but the robot, `dtype` ("float64" or "float32") and `render_mode`.
+    **Arguments.** Those of `CageConfig` but the robot, `dtype` ("float64" or "float32"), `render_mode` and
+    `renderer` ("drawing" or "mujoco").
 
     **Version history.** v0: first version.
     """
@@ -162,6 +174,7 @@ class CageVectorEnv(NativeVectorEnv):
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
+        renderer: "drawing" or "mujoco".
         options: the arguments of `CageConfig` but the robot.
     """
 
@@ -173,11 +186,12 @@ class CageVectorEnv(NativeVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         dtype: str = "float64",
         render_mode: str | None = None,
+        renderer: str = "drawing",
         **options: Any,
     ):
         rows = as_count("num_envs", num_envs)
         steps = None if max_episode_steps is None else as_count("max_episode_steps", max_episode_steps)
-        self._batch = CageBatch(make_cage_config(robot, options), rows)
+        self._batch, self._renderer = CageBatch(make_cage_config(robot, options), rows), Renderer(renderer)
         interface = CageInterface(self._batch, dtype, render_mode)
         super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
 
@@ -190,9 +204,11 @@ class CageVectorEnv(NativeVectorEnv):
         """One frame for each row; None without a render mode."""
         if self.render_mode is None:
             return None
-        from piec_envs.rendering.frame import render_posture
+        return tuple(self._renderer.posture(self._batch, row) for row in range(self.num_envs))
 
-        return tuple(render_posture(self._batch, row) for row in range(self.num_envs))
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what frames were drawn with."""
+        self._renderer.close()
 
 
 class PlanarArmCageVectorEnv(CageVectorEnv):

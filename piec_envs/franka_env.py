@@ -49,7 +49,7 @@ class FrankaCageEnv(CageEnv):
     **Arguments.** geometry: "meshes", cross-sections of the robot's collision meshes, which the extra
     `franka` installs, or "capsules", which needs no extra. object: "water_jug" by default; "box" and
     "paper_pack" are the paper's others. Then those of `CageConfig` but the robot, `dtype` ("float64" or
-    "float32") and `render_mode`.
+    "float32"), `render_mode` and `renderer` ("drawing" or "mujoco").
 
     **Version history.** v0: first version.
     """

@@ -1,9 +1,10 @@
-"""Planners: via-point trajectories by CMA-ES with plan files and their policy; enclosing postures by CMA-ES and SQP."""
+"""Planners: via-point trajectories by CMA-ES, plan files and their policy; and searches for enclosing postures."""
 
 from piec_envs.episodes.posture import CagingProblem
 from planners.base import OpenLoopPolicy, Plan
 from planners.cma_es import CmaEsPlanner
 from planners.configuration import CmaEsConfiguration, Configuration
+from planners.exhaustive import ExhaustiveConfiguration
 from planners.sqp import SqpConfiguration
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "CmaEsConfiguration",
     "CmaEsPlanner",
     "Configuration",
+    "ExhaustiveConfiguration",
     "OpenLoopPolicy",
     "Plan",
     "SqpConfiguration",

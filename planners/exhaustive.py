@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,11 +47,15 @@ class ExhaustiveConfiguration:
         if not float(as_floats("spacing", self.spacing, (), InvalidParameterError)) > 0:
             raise InvalidParameterError(f"spacing must be above 0, got {self.spacing}")
 
-    def solve(self, problem: CagingProblem) -> Configuration:
-        """Find the best posture.
+    def solve(
+        self, problem: CagingProblem, seed: int | Sequence[int] = 0, start: np.ndarray | None = None
+    ) -> Configuration:
+        """Find the best posture; the same call as of the other optimisers.
 
         Args:
             problem: with one pose, and a robot whose first joint turns about a base that stands still.
+            seed: a number, or several, that seed the polish.
+            start: not needed: all postures are tried.
 
         Returns:
             The best posture of all; `start` is the one of the grid that it came from, and `queries`
@@ -64,7 +69,8 @@ class ExhaustiveConfiguration:
             [self._values(problem, heads, inner[i : i + CHUNK]) for i in range(0, len(inner), CHUNK)]
         )  # (B, H)
         polish = CmaEsConfiguration(self.population, self.iterations, sigma=self.spacing / 2)
-        found = [polish.solve(problem, k, start) for k, start in enumerate(self._best(heads, inner, values))]
+        seeds = np.atleast_1d(seed).tolist()
+        found = [polish.solve(problem, (*seeds, k), q) for k, q in enumerate(self._best(heads, inner, values))]
         best = max(found, key=lambda one: (one.feasible, one.escape_time))
         return dataclasses.replace(best, queries=len(inner) + sum(one.queries for one in found))
 

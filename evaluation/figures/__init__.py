@@ -6,7 +6,7 @@ from evaluation.figures.curves import contact_fractions, distance_bands, final_d
 from evaluation.figures.fields import RelativeError, error_map, field_comparison
 from evaluation.figures.mismatch import Executed, mismatch_paths, shape_mismatches
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
-from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, value_dots
+from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, posture_scenes, value_dots
 from evaluation.figures.robustness import Robustness, robustness
 from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
 
@@ -33,6 +33,7 @@ __all__ = [
     "overview",
     "posture_grid",
     "posture_row",
+    "posture_scenes",
     "robustness",
     "shape_mismatches",
     "trajectories",

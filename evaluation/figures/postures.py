@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import figure_file, mix, show_scene
+from piec_envs.errors import RenderingError
 from piec_envs.escape.field import CAGING_SCALE, object_escape_time
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import base_position, draw_escape_path, draw_key_points, draw_object, draw_robot
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.frame import picture_field
+from piec_envs.rendering.space import SpaceFrames
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
@@ -123,12 +126,50 @@ def posture_grid(rows: Sequence[Sequence[PosturePanel]], path: str | os.PathLike
     return Path(path)
 
 
+def posture_scenes(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path:
+    """Postures in space, and below each its field; without OpenGL the fields alone, and a warning.
+
+    Args:
+        panels: from left to right.
+        path: where to write the PNG.
+
+    Returns:
+        The path.
+    """
+    scenes = _scenes(panels)
+    with figure_file(path, SIDE * len(panels) + 0.7, SIDE * (1 + len(scenes) // len(panels)) + 0.25) as figure:
+        axes = figure.subplots(1 + len(scenes) // len(panels), len(panels), squeeze=False)
+        for ax, scene in zip(axes[0], scenes, strict=False):
+            ax.imshow(scene)
+            ax.set_axis_off()
+        images = [draw_posture(ax, panel, close=True) for ax, panel in zip(axes[-1], panels, strict=True)]
+        for ax, panel in zip(axes[0], panels, strict=True):
+            ax.set_title(panel.label, loc="left", fontweight="bold")
+        _bar(figure, images[-1], axes)
+    return Path(path)
+
+
+def _scenes(panels: Sequence[PosturePanel]) -> list[np.ndarray]:
+    """Pictures in space, one for each panel; none where there is no OpenGL."""
+    frames = SpaceFrames()
+    try:
+        return [
+            frames.scene(get_robot(panel.robot_name), panel.object_name, panel.q_r, panel.pose, close=True)
+            for panel in panels
+        ]
+    except RenderingError as error:
+        warnings.warn(f"postures are drawn in the plane alone: {error}", stacklevel=2)
+        return []
+    finally:
+        frames.close()
+
+
 def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str], path: str | os.PathLike) -> Path:
     """Every result as a dot: filled where the object is enclosed, hollow where it can get out.
 
     Args:
         values: for each method and each place, caging and whether it encloses, shape (m, 2).
-        places: names of the object poses.
+        places: their names.
         path: where to write the PNG.
 
     Returns:
@@ -147,7 +188,7 @@ def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str]
                 ax.scatter(x[~held], group[~held, 0], facecolors="white", **style)
             ax.scatter([], [], s=20, color=colour, label=label)
         ax.scatter([], [], s=20, facecolors="white", edgecolors="#5b6170", label="not enclosed")
-        ax.set_xticks(range(len(places)), [f"object at\n{place}" for place in places])
+        ax.set_xticks(range(len(places)), list(places))
         ax.set_ylabel("caging")
         ax.set_ylim(bottom=0.0)
         figure.legend(loc="outside upper center", ncols=len(values) + 1)

@@ -49,6 +49,11 @@ STUDIES = {
             "which postures enclose an object, by CMA-ES and SQP (paper, section 4.6)",
         ),
         Study(
+            "franka-caging",
+            "evaluation.studies.franka_caging",
+            "how well the whole arm of a Franka encloses everyday objects (paper, section 7.1)",
+        ),
+        Study(
             "planar-objectives",
             "evaluation.studies.planar_objectives",
             "what the three objectives make the arm do (paper, section 5.5)",

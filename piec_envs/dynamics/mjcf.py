@@ -26,6 +26,7 @@ TABLE_FRICTION = 0.3  # between object and table
 # millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks and slips.
 ARM_CONTACT = {"solref": (0.008, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
 TABLE_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
+SOLID_COLOUR = (0.93, 0.93, 0.95, 1.0)
 LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.42, 0.55, 0.70, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.93, 0.91, 1.0)
 ARC_POINTS = 8  # on each rounded corner of an extruded outline
 
@@ -109,7 +110,7 @@ def _add_solids(spec: Any, body: Any, link: Link) -> list[str]:
         spec.add_mesh(name=name, uservert=corners.ravel())
         body.add_geom(
             name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=link.mass / len(names),
-            rgba=LINK_COLOUR, **_NO_COLLISION,
+            rgba=SOLID_COLOUR, **_NO_COLLISION,
         )  # fmt: skip
     return names
 

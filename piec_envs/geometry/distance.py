@@ -165,6 +165,27 @@ def point_distance(robot, robot_vertices, x, y):
 
 
 @kernel
+def least_distance(robot, vertices, centres, x, y):
+    """Signed distance from a point to the whole robot, m: `point_distance` without the closest point.
+
+    Shapes whose bounding circles are farther away than the nearest shape so far are passed over.
+
+    Args:
+        robot: the robot's `PackedShapes`.
+        vertices, centres: of its shapes, from `place_shapes`.
+        x, y: the point, m.
+    """
+    best = np.inf
+    for i in range(robot.radius.shape[0]):
+        d_x, d_y, far = x - centres[i, 0], y - centres[i, 1], best + robot.bound[i]
+        if far > 0.0 and d_x * d_x + d_y * d_y >= far * far:
+            continue
+        core = closest_on_polygon(vertices, robot.first[i], robot.first[i + 1], x, y)[0]
+        best = min(best, core - robot.radius[i])
+    return best
+
+
+@kernel
 def self_distance(scene, robot_vertices):
     """Least signed distance between two links that could collide, m (inf if there are none)."""
     robot = scene.robot

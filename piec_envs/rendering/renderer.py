@@ -1,4 +1,4 @@
-"""The choice of what draws the frames of the motion environments."""
+"""The choice of what draws the frames of the environments."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from piec_envs.errors import check_name
 
 if TYPE_CHECKING:
     from piec_envs.episodes.batch import EpisodeBatch
+    from piec_envs.episodes.cage import CageBatch
     from piec_envs.rendering.space import SpaceFrames
 
 RENDERERS = ("drawing", "mujoco")
@@ -48,11 +49,23 @@ class Renderer:
             from piec_envs.rendering.frame import render_frame
 
             return render_frame(batch, row, trail)
+        return self._frames().frame(batch, row, trail)
+
+    def posture(self, batch: CageBatch, row: int) -> np.ndarray:
+        """Draw the posture of one static caging episode; see `frame`."""
+        if self.name == "drawing":
+            from piec_envs.rendering.frame import render_posture
+
+            return render_posture(batch, row)
+        return self._frames().scene(batch.robot, batch.config.object, batch.q_r[row], batch.pose[row], close=True)
+
+    def _frames(self) -> SpaceFrames:
+        """What draws in space, opened with the first frame."""
         if self._space is None:
             from piec_envs.rendering.space import SpaceFrames
 
             self._space = SpaceFrames()
-        return self._space.frame(batch, row, trail)
+        return self._space
 
     def close(self) -> None:
         """Free what the frames were drawn with; another frame opens it anew."""

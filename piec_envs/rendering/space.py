@@ -7,10 +7,10 @@ import importlib
 import os
 import sys
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,12 +26,22 @@ if TYPE_CHECKING:
 SIZE = 720  # height and width of a frame, pixels
 ELEVATION, AZIMUTH = -60.0, 90.0  # of the camera's line of sight, degrees; x points right in the picture
 DISTANCE, BEFORE = 2.68, 0.09  # of the camera from what it looks at, and of that from the base, over the radius
+CLOSE_UP = 0.6  # how much nearer a close view is
 TABLE, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.0, 0.0, 0.0, 0.0)
 BACKGROUND = (0.80, 0.84, 0.89)
 COLUMN, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
 TABLE_HEIGHT, MARK_HEIGHT = 0.05, 1e-3  # of the table top, and of flat discs on it, m
 TRAIL_MARKS, REFERENCE_MARKS = 200, 40  # at most
 TRAIL_RADIUS, REFERENCE_RADIUS = 0.012, 0.008  # of a mark, m
+
+
+class Mark(NamedTuple):
+    """A disc between the plane z = 0 and a height."""
+
+    centre: np.ndarray  # (2,) m
+    radius: float  # m
+    height: float  # m
+    colour: tuple[float, ...]
 
 
 class SpaceFrames:
@@ -54,24 +64,52 @@ class SpaceFrames:
         Raises:
             RenderingError: where there is no OpenGL.
         """
-        renderer, data = self._renderer(batch.robot, batch.state.params[row].object)
+        marks = [Mark(batch.task.goal, GOAL_RADIUS, MARK_HEIGHT, GOAL)]
+        if batch.tracking:
+            reference = _thinned(batch.task.reference, REFERENCE_MARKS)
+            marks += [Mark(point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL) for point in reference]
+        if trail is not None and len(trail) > 1:
+            marks += [Mark(point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL) for point in _thinned(trail, TRAIL_MARKS)]
+        name = batch.state.params[row].object
+        return self.scene(batch.robot, name, batch.state.q_r[row], batch.state.pose[row], marks)
+
+    def scene(
+        self,
+        robot: Robot,
+        object_name: str,
+        q: np.ndarray,
+        pose: np.ndarray,
+        marks: Sequence[Mark] = (),
+        close: bool = False,
+    ) -> np.ndarray:
+        """Draw a robot and an object.
+
+        Args:
+            robot: the robot.
+            object_name: row of the table of objects.
+            q: joint positions, shape (n,), rad or m.
+            pose: the object's x, y, angle, shape (3,), m, rad.
+            marks: discs on the table.
+            close: whether to show the surroundings of the base alone.
+
+        Returns:
+            The picture, shape (720, 720, 3), uint8.
+
+        Raises:
+            RenderingError: where there is no OpenGL.
+        """
+        renderer, data = self._renderer(robot, object_name)
         import mujoco
 
-        q, (x, y, angle) = batch.state.q_r[row], batch.state.pose[row]
-        height = get_object(batch.state.params[row].object).height
+        (x, y, angle), height = pose, get_object(object_name).height
         data.qpos[:] = (*q, x, y, height / 2, np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
         mujoco.mj_kinematics(renderer.model, data)
         mujoco.mj_comPos(renderer.model, data)
         mujoco.mj_camlight(renderer.model, data)
-        centre, radius = base_position(batch.robot, q), batch.robot.workspace_radius
-        renderer.update_scene(data, _camera(centre, radius))
-        _add_disc(renderer.scene, centre, radius, -TABLE_HEIGHT, TABLE)
-        _add_disc(renderer.scene, batch.task.goal, GOAL_RADIUS, MARK_HEIGHT, GOAL)
-        if batch.tracking:
-            for point in _thinned(batch.task.reference, REFERENCE_MARKS):
-                _add_disc(renderer.scene, point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL)
-        for point in _thinned(trail, TRAIL_MARKS) if trail is not None and len(trail) > 1 else []:
-            _add_disc(renderer.scene, point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL)
+        centre, radius = base_position(robot, q), robot.workspace_radius
+        renderer.update_scene(data, _camera(centre, (CLOSE_UP if close else 1.0) * radius))
+        for mark in (Mark(centre, radius, -TABLE_HEIGHT, TABLE), *marks):
+            _add_disc(renderer.scene, mark)
         return renderer.render()
 
     def close(self) -> None:
@@ -161,12 +199,12 @@ def _model(robot: Robot, object_name: str) -> Any:
     for geom in spec.geoms:
         if geom.name == "table":
             geom.rgba = HIDDEN  # without end; the workspace is drawn as a round one
-    sliding = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)
-    base = spec.body(robot.joints[sliding - 1].name if sliding else "base")
-    base.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.07, 0.6 * item.height, 0], pos=[0, 0, 0.1 * item.height],
-        rgba=COLUMN, contype=0, conaffinity=0, mass=0,
-    )  # fmt: skip
+    if not robot.scenery:
+        base = spec.body(robot.joints[robot.base_dof - 1].name if robot.base_dof else "base")
+        base.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.07, 0.6 * item.height, 0], pos=[0, 0, 0.1 * item.height],
+            rgba=COLUMN, contype=0, conaffinity=0, mass=0,
+        )  # fmt: skip
     for position, shade in (((-1.6, 0.9, 2.8), 0.42), ((1.2, -1.4, 2.6), 0.22)):
         spec.worldbody.add_light(
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=position, dir=[-c for c in position],
@@ -196,12 +234,13 @@ def _camera(centre: np.ndarray, radius: float) -> Any:
     return camera
 
 
-def _add_disc(scene: Any, centre: np.ndarray, radius: float, height: float, colour: tuple[float, ...]) -> None:
-    """Add a disc between the plane z = 0 and a height, m, to what is drawn."""
+def _add_disc(scene: Any, mark: Mark) -> None:
+    """Add a mark to what is drawn."""
     import mujoco
 
-    position, size = np.array([*centre, height / 2]), np.array([radius, abs(height) / 2, 0.0])
-    cylinder, colours = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array(colour, dtype=np.float32)
+    position = np.array([*mark.centre, mark.height / 2])
+    size = np.array([mark.radius, abs(mark.height) / 2, 0.0])
+    cylinder, colours = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array(mark.colour, dtype=np.float32)
     mujoco.mjv_initGeom(scene.geoms[scene.ngeom], cylinder, size, position, np.eye(3).ravel(), colours)
     scene.ngeom += 1
 

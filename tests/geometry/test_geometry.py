@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piec_envs.dynamics.contacts import contact_rows, find_contacts, make_contacts
-from piec_envs.geometry.distance import core_distance, point_distance, scene_distances
+from piec_envs.geometry.distance import core_distance, least_distance, point_distance, scene_distances
 from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity, pose_frame
 from piec_envs.world.objects import OBJECTS
 from piec_envs.world.scene import pack_scene
@@ -54,6 +54,19 @@ def test_point_distance_equals_sampled_capsules(q, x, y):
     distance, _, c_x, c_y, n_x, n_y = point_distance(scene.robot, vertices, x, y)
     assert abs(distance - expected) < 2e-4
     np.testing.assert_allclose([c_x + distance * n_x, c_y + distance * n_y], [x, y], atol=1e-8)
+
+
+@given(
+    q=st.tuples(st.floats(-2.8, 2.8), st.floats(-3.0, -0.1), st.floats(0.0, 3.7)),
+    x=st.floats(-1, 1),
+    y=st.floats(-1, 1),
+)
+def test_least_distance_is_point_distance(q, x, y):
+    scene = pack_scene("franka_capsules", "circle")
+    frames, vertices, centres = np.empty((4, 4)), np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
+    link_frames(scene, np.array(q), frames)
+    place_shapes(scene.robot, frames, vertices, centres)
+    assert least_distance(scene.robot, vertices, centres, x, y) == point_distance(scene.robot, vertices, x, y)[0]
 
 
 @given(q=configurations, pose=poses, name=st.sampled_from(list(OBJECTS)), step=st.tuples(*[st.floats(-1, 1)] * 3))

@@ -10,7 +10,7 @@ import numpy as np
 from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import slowness
 from piec_envs.escape.training.recipes import Bellman
-from piec_envs.geometry.distance import point_distance
+from piec_envs.geometry.distance import least_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel, kernel
 from piec_envs.parallel import run_rows
@@ -18,6 +18,7 @@ from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 CHUNK = 8192  # points whose candidates are in memory together
+FREE = 0.35  # m from the robot, where it slows nothing down by more than 1e-5
 LEAST_STEP = 0.002  # m, with which a line crosses the edge of the wall, where the slowness jumps
 BEYOND = 1e-9  # m, by which a line that leads out ends outside the circle, where T = 0
 
@@ -30,17 +31,23 @@ def _way_out(x, y, e_x, e_y, radius):
 
 
 @kernel
-def _add_time(robot, speed, vertices, start, direction, reach, step):
+def _add_time(robot, speed, placed, start, direction, reach, step):
     """Integral of the slowness along start + s direction for s in reach = (from, to), s.
 
-    Steps are at most `step` long and do not jump over the edge of the wall, since d has slope 1.
+    Steps are at most `step` long and do not jump over the edge of the wall, since d has slope 1; for the
+    same reason one step leads from a free point to the next that may not be free.
     """
+    vertices, centres = placed
     s, total = reach[0], 0.0
     while s < reach[1]:
-        d = point_distance(robot, vertices, start[0] + s * direction[0], start[1] + s * direction[1])[0]
-        h = min(max(abs(d - speed.d0), LEAST_STEP), step, reach[1] - s)
-        middle = s + 0.5 * h
-        d = point_distance(robot, vertices, start[0] + middle * direction[0], start[1] + middle * direction[1])[0]
+        d = least_distance(robot, vertices, centres, start[0] + s * direction[0], start[1] + s * direction[1])
+        if d - FREE > step:
+            h = min(d - FREE, reach[1] - s)
+        else:
+            h = min(max(abs(d - speed.d0), LEAST_STEP), step, reach[1] - s)
+            middle = s + 0.5 * h
+            x, y = start[0] + middle * direction[0], start[1] + middle * direction[1]
+            d = least_distance(robot, vertices, centres, x, y)
         total += h * slowness(speed, d)
         s += max(h, BEYOND)
     return total
@@ -72,7 +79,7 @@ def _straight_lines(lo, hi, scene, speed, disc, q, points, directions, lengths, 
             s, total = 0.0, 0.0
             for j in range(count):
                 target = min(lengths[j], out_at)
-                total += _add_time(scene.robot, speed, vertices, p, e, (s, target), step)
+                total += _add_time(scene.robot, speed, (vertices, centres), p, e, (s, target), step)
                 s = target
                 over = s + BEYOND if s >= out_at else s
                 ends[row, k * count + j, 0], ends[row, k * count + j, 1] = p[0] + over * e[0], p[1] + over * e[1]
