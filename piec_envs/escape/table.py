@@ -12,6 +12,7 @@ import numpy as np
 from piec_envs.errors import InvalidParameterError, as_count
 from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import Field
+from piec_envs.escape.disc import MIN_RESOLUTION
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.network import PICTURE_RESOLUTION
 from piec_envs.escape.speed import SpeedModel
@@ -25,7 +26,6 @@ from piec_envs.world.scene import pack_scene
 
 FORMAT = 1  # of the table; another number makes all tables anew
 INNER_JOINTS = 2  # that turn, after the first one
-MIN_RESOLUTION = 16
 SPACINGS = (0.01, 0.5)  # rad
 MAX_BYTES = 1e9
 
