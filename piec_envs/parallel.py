@@ -9,10 +9,11 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
-COMPILE_NOTICE_SECONDS = 1.5  # loading a cached kernel takes less, compiling one takes longer
+NOTICE_SECONDS = 1.5  # loading a cached kernel takes less, compiling one takes longer
 _compiled: set[Callable] = set()
 _pool: ThreadPoolExecutor | None = None
 
@@ -58,15 +59,18 @@ def run_rows(kernel: Callable, rows: int, threads: int | None, *args) -> None:
 
 def _announce_if_slow(kernel: Callable, *args) -> None:
     """Compile on an empty range; say so if the compiled code was not in the cache."""
-    name = getattr(kernel, "__name__", "kernel")
-    notice = threading.Timer(
-        COMPILE_NOTICE_SECONDS,
-        lambda: print(f"piec_envs: compiling {name} (first use only)", file=sys.stderr, flush=True),
-    )
-    notice.daemon = True
-    notice.start()
-    try:
+    with notice(f"compiling {getattr(kernel, '__name__', 'kernel')} (first use only)"):
         kernel(0, 0, *args)
-    finally:
-        notice.cancel()
     _compiled.add(kernel)
+
+
+@contextmanager
+def notice(text: str) -> Iterator[None]:
+    """Say on stderr what is going on if the body takes longer than NOTICE_SECONDS."""
+    timer = threading.Timer(NOTICE_SECONDS, lambda: print(f"piec_envs: {text}", file=sys.stderr, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -44,7 +44,7 @@ def find_path(field: Field, point: np.ndarray) -> np.ndarray:
 
 
 class BatchedField(ABC):
-    """Escape times of batches: exact (`GridField`) or learned (`NetworkField`).
+    """Escape times of batches: exact (`GridField`), learned (`NetworkField`) or tabulated (`TableField`).
 
     Rows do not depend on each other, so row i equals the single query bit for bit, with any number
     of threads.

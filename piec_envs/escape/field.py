@@ -13,6 +13,7 @@ from piec_envs.escape.base import FieldMap
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.escape.table import TableField
 from piec_envs.escape.weights import has_weights
 from piec_envs.kernels import kernel
 
@@ -67,6 +68,7 @@ class EscapeField(Protocol):
 FIELDS: dict[str, Callable[..., EscapeField]] = {
     "grid": GridField,
     "network": NetworkField,
+    "table": TableField,
     "pinn": partial(NetworkField, weights="pinn"),
 }
 

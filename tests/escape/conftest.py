@@ -1,4 +1,4 @@
-"""Learned fields with random weights, and a robot whose base slides."""
+"""Learned fields with random weights, robots whose base slides, and a cache of the tests' own."""
 
 from __future__ import annotations
 
@@ -36,20 +36,32 @@ def random_weights():
     return random_weights_of
 
 
-def _sliding_arm():
-    """The planar arm on a base that slides along x and y."""
-    arm = get_robot("planar_arm")
+SLIDING = {"sliding_arm": "planar_arm", "sliding_capsules": "franka_capsules"}
+
+
+def _sliding(name):
+    """One of the SLIDING robots: the arm that it names on a base that slides along x and y."""
+    arm = get_robot(SLIDING[name])
     base = tuple(
         Joint(f"base {name}", (0.0, 0.0, 0.0), axis, -2.0, 2.0, 0.05, 0.01, 500.0, 60.0, 0.1, 20.0)
         for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
     )
     links = tuple(dataclasses.replace(link, frame=link.frame + 2) for link in arm.links)
-    return dataclasses.replace(arm, name="sliding_arm", joints=base + arm.joints, links=links, home=np.zeros(6))
+    home = np.concatenate([np.zeros(2), arm.home])
+    return dataclasses.replace(arm, name=name, joints=base + arm.joints, links=links, home=home)
 
 
 @pytest.fixture
 def any_robot(request, monkeypatch):
-    """The name of a robot: a row of the table, or "sliding_arm", which is added for the test."""
+    """The name of a robot: a row of the table, or one of SLIDING, which is added for the test."""
     if request.param not in ROBOTS:
-        monkeypatch.setitem(ROBOTS, request.param, _sliding_arm)
+        monkeypatch.setitem(ROBOTS, request.param, lambda: _sliding(request.param))
     return request.param
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """The user's cache is neither read nor written."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PIEC_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
