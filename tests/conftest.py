@@ -14,6 +14,14 @@ settings.register_profile("kernels", deadline=None, derandomize=True)
 settings.load_profile("kernels")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """The user's cache is neither read nor written."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PIEC_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 def _still(object_name: str, q: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Distance of each link to the object, shape (rows, links)."""
     plant = Plant("planar_arm", [object_name] * len(q), np.full(len(q), 0.5))

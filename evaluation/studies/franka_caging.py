@@ -39,7 +39,8 @@ CLOSE = 0.98  # of what the exhaustive search finds
 EXHAUSTIVE = Method("exhaustive", "exhaustive")
 METHODS = {
     "grid": (Method("CMA-ES", "cma-es"),),
-    "network": (Method("CMA-ES", "cma-es"), Method("CMA-ES, 4 restarts", "cma-es", {"restarts": 4})),
+    "network": (Method("CMA-ES", "cma-es"),),
+    "table": (Method("CMA-ES", "cma-es"), Method("CMA-ES, 4 restarts", "cma-es", {"restarts": 4})),
 }
 SMOKE_METHODS = {"network": (Method("CMA-ES", "cma-es", {"population": 10, "iterations": 3}),)}
 SMOKE_EXHAUSTIVE = Method(

@@ -13,9 +13,10 @@ from piec_envs.escape.base import FieldMap
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.escape.table import TableField
+from piec_envs.escape.table import TableField, can_tabulate
 from piec_envs.escape.weights import has_weights
 from piec_envs.kernels import kernel
+from piec_envs.world.robots import get_robot
 
 CAGING_SCALE = 0.02  # 1/s: caging = 0.02 T, the scale of the paper's plots
 REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max}
@@ -100,9 +101,15 @@ def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) ->
 
 
 def resolve_field(choice: str | Mapping[str, Any], robot_name: str) -> str | Mapping[str, Any]:
-    """The choice itself, or what "auto" stands for: `network` where weights ship for the robot, else `grid`."""
+    """The choice itself, or what "auto" stands for.
+
+    That is `table` for robots whose field can be tabulated, since nothing is more exact or quicker, else
+    `network` where weights ship for the robot, else `grid`.
+    """
     if choice != "auto":
         return choice
+    if can_tabulate(get_robot(robot_name)):
+        return "table"
     return "network" if has_weights(robot_name) else "grid"
 
 

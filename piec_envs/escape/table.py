@@ -132,6 +132,15 @@ class TableField(BatchedField):
         run_rows(interpolate_rows, len(q), self.threads, self._scene, self._table, level, q, points, out)
 
 
+def can_tabulate(robot: Robot) -> bool:
+    """Whether the robot's field depends on the turned point and two joints alone."""
+    try:
+        _check_robot(robot)
+    except InvalidParameterError:
+        return False
+    return True
+
+
 def _check_robot(robot: Robot) -> None:
     """Raise InvalidParameterError unless the field depends on the turned point and two joints alone."""
     turning = robot.joints[robot.base_dof :]

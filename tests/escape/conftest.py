@@ -1,4 +1,4 @@
-"""Learned fields with random weights, robots whose base slides, and a cache of the tests' own."""
+"""Learned fields with random weights, and robots whose base slides."""
 
 from __future__ import annotations
 
@@ -57,11 +57,3 @@ def any_robot(request, monkeypatch):
     if request.param not in ROBOTS:
         monkeypatch.setitem(ROBOTS, request.param, lambda: _sliding(request.param))
     return request.param
-
-
-@pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory):
-    """The user's cache is neither read nor written."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PIEC_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
