@@ -20,7 +20,7 @@ from piec_envs.world.robots import get_robot
 
 SEEDS = {"H": 30_001, "C": 30_002, "U": 30_003}
 CLEARANCE = 0.05  # m
-RANK_POINT = (0.35, 0.1)  # m, the point of set C
+RANK_POINTS = {"planar_arm": (0.35, 0.1), "franka": (0.2, 0.06)}  # m, the point of set C: where cages can be
 HARD_RATIO = 1.05  # T / T_0 beyond which a point of H is hard
 RESOLUTION = 200  # of the second-order grid that is taken for the truth
 
@@ -84,7 +84,7 @@ def _drawn_set(robot_name, kind, seed, rows, k, threads) -> PointSet:
 
 def ranking_set(robot_name: str, rows: int = 1500, threads: int | None = None) -> PointSet:
     """Set C: curled configurations whose centroid lies in the direction of the point, which is clear of them."""
-    rng, point = np.random.default_rng(SEEDS["C"]), np.array(RANK_POINT)
+    rng, point = np.random.default_rng(SEEDS["C"]), np.array(RANK_POINTS[robot_name])
     kept = np.empty((0, get_robot(robot_name).dof))
     while len(kept) < rows:
         q = draw_configurations(robot_name, "curled", rows, rng)

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from evaluation.bench.base import QUICK, Row, Sizes
 from evaluation.bench.dynamics import mujoco_steps
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
-from evaluation.bench.fields import network_queries
+from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, slowest_steps
 from evaluation.bench.planning import full_plans, static_caging
 from piec_envs.parallel import available_threads
@@ -39,6 +39,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "single step": single_step,
         "escape fields": escape_fields,
         "learned field": network_queries,
+        "tabulated field": table_queries,
         "static caging": static_caging,
         "full plans": partial(full_plans, progress=progress),
         "rollouts": rollout_threads,

@@ -32,6 +32,7 @@ class Sizes:
         sync_steps: steps of Gymnasium's SyncVectorEnv, likewise.
         single_steps: steps of a single environment.
         fields: configurations solved in one measurement.
+        table: nodes a side and spacing (rad) of a tabulated field.
         planner: arguments of `CmaEsPlanner` for a full plan.
         plans: how many are ranked with the planner's k and with k = 1.
     """
@@ -46,6 +47,7 @@ class Sizes:
     sync_steps: int = 20
     single_steps: int = 1000
     fields: int = 100
+    table: tuple[int, float] = (101, 0.07)
     planner: tuple[tuple[str, Any], ...] = (("restarts", 1), ("robust_iterations", 0))
     plans: int = 50
 
@@ -61,6 +63,7 @@ QUICK = Sizes(
     sync_steps=10,
     single_steps=50,
     fields=5,
+    table=(33, 0.4),
     planner=(("restarts", 1), ("robust_iterations", 0), ("iterations", 2), ("population", 4), ("start", "rest")),
     plans=5,
 )

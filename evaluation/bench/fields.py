@@ -1,4 +1,4 @@
-"""Queries of the learned field, and the paper's network in torch beside them, on one core."""
+"""Queries of the learned field, the paper's network in torch beside it, and of the table, on one core."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 from evaluation.bench.base import Row, Sizes, median_seconds, row
 from piec_envs.escape.network import NetworkField
 from piec_envs.escape.samples import draw_configurations
+from piec_envs.escape.table import TableField
 
 BATCHES = {5000: 1.5, 50: 3.0}  # points, and the most microseconds a point may take
+TABLED = "franka_capsules"
 PAPER_SHAPE = (6, 256, 6)  # inputs, width and depth of the paper's network
 
 
@@ -34,6 +36,22 @@ def network_queries(sizes: Sizes) -> list[Row]:
         theirs = _seconds(_paper_network(points, q), count, sizes.repeats)
         note = f"the paper's 6 x 256 in torch, one thread: {1e6 * theirs:.3g} us a point"
         rows.append(row(f"torch over network, {count} points", theirs / ours, "times", "at least 6", note))
+    return rows
+
+
+def table_queries(sizes: Sizes) -> list[Row]:
+    """One point for each of many unrelated configurations, values and gradients; the table is made first."""
+    rng, rows = np.random.default_rng(0), []
+    nodes, spacing = sizes.table
+    TableField(TABLED, nodes, spacing)
+    field = TableField(TABLED, nodes, spacing, threads=1)
+    note = f"one core, {TABLED}, {field.nbytes / 1e6:.0f} MB"
+    for count in BATCHES:
+        q = draw_configurations(TABLED, "uniform", count, rng)
+        points = rng.uniform(-0.7, 0.7, (count, 1, 2))
+        for name, ask in (("values", field.query), ("gradients", field.gradients)):
+            seconds = _seconds(partial(ask, points, q), count, sizes.repeats)
+            rows.append(row(f"field, table, {name}, {count} points", 1e6 * seconds, "us a point", note=note))
     return rows
 
 

@@ -49,6 +49,11 @@ STUDIES = {
             "which postures enclose an object, by CMA-ES and SQP (paper, section 4.6)",
         ),
         Study(
+            "franka-fields",
+            "evaluation.studies.franka_fields",
+            "how good the escape fields of the Franka are (paper, appendix C)",
+        ),
+        Study(
             "franka-caging",
             "evaluation.studies.franka_caging",
             "how well the whole arm of a Franka encloses everyday objects (paper, section 7.1)",

@@ -105,9 +105,26 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    folder = Path(out_dir)
+    return judge_fields(settings, make_cases(settings), NOTES, Path(out_dir), jobs, progress)
+
+
+def judge_fields(
+    settings: Settings, cases: dict[str, dict[str, Any]], notes: str, folder: Path, jobs: Any, progress: bool
+) -> list[Path]:
+    """Score fields, write the tables and draw the figures.
+
+    Args:
+        settings: the knobs.
+        cases: what makes each field, by its label; see `load_field`.
+        notes: what the columns of the table mean.
+        folder: of the results.
+        jobs: workers, or an executor.
+        progress: whether to show progress.
+
+    Returns:
+        The files written.
+    """
     common = json.loads(json.dumps(dataclasses.asdict(settings)))
-    cases = _cases(settings)
     works = [Work({"work": "score", "field": spec, **common}, settings.seed, label) for label, spec in cases.items()]
     exact = {"kind": "grid", "nodes": 200, "method": "marching"}
     compared = {"grid 200, marching": exact, **{k: spec for k, spec in cases.items() if spec["kind"] != "bound"}}
@@ -120,13 +137,13 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
         {"field": label, **_fine_columns(result)} for label, result in zip(compared, results[len(cases) :], strict=True)
     ]
     return [
-        *write_table(folder, rows, "Escape fields against the exact one", NOTES),
+        *write_table(folder, rows, "Escape fields against the exact one", notes),
         *write_table(folder, fine, "The same against a finer grid", FINE_NOTES, name="fine"),
         *_draw(settings, folder, context),
     ]
 
 
-def _cases(settings: Settings) -> dict[str, dict[str, Any]]:
+def make_cases(settings: Settings) -> dict[str, dict[str, Any]]:
     """What makes each field that is judged, by its label."""
     grids = {
         f"grid {nodes}, {method}": {"kind": "grid", "nodes": nodes, "method": method}

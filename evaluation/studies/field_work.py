@@ -1,4 +1,4 @@
-"""The pieces of work of the study `field-accuracy`: held-out sets, fields, and the scores of one field."""
+"""What the studies of escape fields share: held-out sets, fields, and the scores of one field."""
 
 from __future__ import annotations
 
@@ -38,14 +38,18 @@ from piec_envs.escape.base import BatchedField
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.escape.table import TableField
 from piec_envs.escape.training import get_recipe, train_field
 from piec_envs.escape.weights import FieldWeights, array_digest, has_weights, shipped_file
 from piec_envs.world.objects import get_object
 from planners import CagingProblem, CmaEsConfiguration
 
-CAGE = "piec_envs/PlanarArmCage-v0"
-OBJECT = "three_discs"  # of the static caging problems
+CAGES = {  # static caging: environment and object, by robot
+    "planar_arm": ("piec_envs/PlanarArmCage-v0", "three_discs"),
+    "franka": ("piec_envs/FrankaCage-v0", "water_jug"),
+}
 CAGE_SEED = 30_100  # of the poses of these problems, and of their starts
+CLOSING_SEED, CLOSING_STATES = 30_200, 200  # of the poses that an arm closes on, and its states on the way
 SET_KNOBS = ("robot", "rows", "points", "ranking", "planner", "planner_seeds")
 FINE_SETS = ("P", "C")
 
@@ -82,7 +86,7 @@ def held_out_sets(knobs: str, context: Context) -> dict[str, PointSet]:
         "H": curled_set(robot_name, given["rows"], given["points"], threads),
         "U": uniform_set(robot_name, given["rows"], given["points"], threads),
         "C": ranking_set(robot_name, given["ranking"], threads),
-        "P": plan_set(robot_name, _plan_states(given, context), get_object("circle").key_points, threads),
+        "P": plan_set(robot_name, STATES[robot_name](given, context), get_object("circle").key_points, threads),
     }
 
 
@@ -99,6 +103,29 @@ def _plan_states(given: dict[str, Any], context: Context) -> list[tuple[np.ndarr
     return states
 
 
+def _closing_states(given: dict[str, Any], context: Context) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Poses and joint positions while the arm closes on an object, from straight to a posture that holds it."""
+    env, item = _cage_env(given["robot"])
+    field = GridField(given["robot"], threads=context.threads)
+    optimiser = CmaEsConfiguration(50, iterations=40, sigma=0.3, guesses=200, kind="curled")
+    states = []
+    for seed in given["planner_seeds"]:
+        pose = env.reset(seed=CLOSING_SEED + seed)[1]["pose"]
+        found = optimiser.solve(CagingProblem(given["robot"], item, pose, field, threads=context.threads), seed)
+        path = np.linspace(env.batch.robot.home, found.posture, CLOSING_STATES)
+        states.append((np.repeat(pose[None], CLOSING_STATES, axis=0), path))
+    return states
+
+
+STATES = {"planar_arm": _plan_states, "franka": _closing_states}  # of set P, by robot
+
+
+def _cage_env(robot_name: str) -> tuple[Any, str]:
+    """The robot's environment of static caging and its object."""
+    env_id, item = CAGES[robot_name]
+    return gym.make(env_id, object=item, escape_field="grid", disable_env_checker=True).unwrapped, item
+
+
 def learned_case(robot_name: str, recipe: str) -> dict[str, Any]:
     """What makes a learned field: how it is trained, and the very weights if they ship."""
     case = {"kind": "learned", "recipe": recipe, "settings": get_recipe(recipe).described()}
@@ -112,6 +139,8 @@ def load_field(case: dict[str, Any], spec: dict[str, Any], seed: int, context: C
     robot_name = spec["robot"]
     if case["kind"] == "grid":
         return GridField(robot_name, case["nodes"], case["method"], threads=context.threads)
+    if case["kind"] == "table":
+        return TableField(robot_name, case["resolution"], case["spacing"], threads=context.threads)
     recipe = case["recipe"]
     if has_weights(robot_name, recipe):
         return NetworkField(robot_name, recipe, context.threads)
@@ -157,11 +186,11 @@ def fine_sets(knobs: str, nodes: int, count: int, context: Context) -> dict[str,
 def _cages(chosen: BatchedField, exact: BatchedField, spec: dict[str, Any]) -> dict[str, Any]:
     """Postures that CMA-ES finds with the field, judged by the exact one."""
     hard = GridField(spec["robot"], RESOLUTION, "marching", SpeedModel(leak=0.0))
-    env: Any = gym.make(CAGE, object=OBJECT, disable_env_checker=True).unwrapped
+    env, item = _cage_env(spec["robot"])
     times, closed = [], 0
     for start in range(spec["starts"]):
         pose = env.reset(seed=CAGE_SEED + start)[1]["pose"]
-        problem = CagingProblem(spec["robot"], OBJECT, pose, chosen)
+        problem = CagingProblem(spec["robot"], item, pose, chosen)
         posture = CmaEsConfiguration(**spec["optimiser"]).solve(problem, seed=CAGE_SEED + start).posture[None]
         judge = dataclasses.replace(problem, field=exact)
         times.append(float(judge.measure(posture).escape_time[0]))
