@@ -1,0 +1,12 @@
+"""Where this suite keeps what it computed once and can compute again."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def cache_folder() -> Path:
+    """`$PIEC_CACHE`, or `piec_envs` in the user's cache; it may not exist yet."""
+    chosen = os.environ.get("PIEC_CACHE")
+    return Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "piec_envs"
