@@ -70,6 +70,7 @@ def _errors(hull: Hull, box: Box, weights: np.ndarray) -> tuple[float, dict[str,
     """Slack, m, and mean errors of a fit, m."""
     points = spread_points(box, TESTS, np.random.default_rng(0))
     true = exact_distance(hull, points)
-    error = np.abs(contract(weights, bernstein(len(weights) - 1, box.to_unit(points)).transpose(1, 0, 2)) - true)
+    x, y, z = bernstein(len(weights) - 1, box.to_unit(points).T)
+    error = np.abs(contract(weights, (x, y, z)) - true)
     shell = {"outside": (true > 0) & (true <= SHELL), "inside": true <= 0}
     return SAFETY * float(error.max()), {side: float(error[rows].mean()) for side, rows in shell.items()}

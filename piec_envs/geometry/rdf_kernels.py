@@ -231,8 +231,8 @@ def arm_slope(rdf, frames, p, scratch):
         (d, k, (n_x, n_y, n_z)): the distance, m, the row of the nearest body in `rdf.body`, and the gradient.
     """
     _fill_bounds(rdf, frames, p, scratch.bound)
-    best, nearest, x, y, z = np.inf, 0, 0.0, 0.0, 0.0
     k = np.argmin(scratch.bound)
+    best, nearest, x, y, z = np.inf, k, 0.0, 0.0, 0.0
     while scratch.bound[k] < best:
         scratch.bound[k] = np.inf
         d, g_x, g_y, g_z = shape_slope(rdf, rdf.shape[k], _to_body(frames, rdf.body[k], p), scratch)
