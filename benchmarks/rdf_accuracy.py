@@ -12,7 +12,7 @@ import numpy as np
 
 from piec_envs.escape import GridField
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
-from piec_envs.geometry.convex import convex_hull
+from piec_envs.geometry.convex import convex_hull, hull_distances
 from piec_envs.geometry.rdf import DEGREE, MOVING, RobotDistanceField, pack_rdf, shape_of
 from piec_envs.geometry.rdf_file import save_shapes
 from piec_envs.geometry.rdf_fit import SHELL, exact_distance, fit_shape
@@ -113,6 +113,18 @@ def speed(shapes: dict, degree: int) -> dict:
     return row | {"arrays_MB": pack_rdf(shapes, BODIES).weights.nbytes / 1e6, "file_MB": size / 1e6}
 
 
+def exact_speed() -> dict:
+    """The exact distance to one body on one core, for comparison."""
+    hull = convex_hull(get_mesh("link5").vertices)
+    points = np.random.default_rng(2).uniform(-0.7, 0.7, (10_000, 3))
+    out = np.empty(len(points))
+    hull_distances(0, 1, hull, points, out)
+    return {
+        "check": "exact, time",
+        "one link value_us": 100 * seconds(hull_distances, 0, len(points), hull, points, out),
+    }
+
+
 def degrees() -> list[dict]:
     """What each degree reaches: its worst body, and its speed."""
     table = []
@@ -151,7 +163,7 @@ def against_polygons(shapes: dict) -> list[dict]:
 def main() -> None:
     """Print one line per check."""
     shapes = fit_all(DEGREE)
-    for row in [*bodies(shapes), whole_arm(shapes), *against_polygons(shapes), *degrees()]:
+    for row in [*bodies(shapes), whole_arm(shapes), *against_polygons(shapes), exact_speed(), *degrees()]:
         numbers = (f"{key} {value:.4g}" for key, value in list(row.items())[1:])
         print(f"{row['check']:38}", "  ".join(numbers), flush=True)
 

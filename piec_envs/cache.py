@@ -8,5 +8,5 @@ from pathlib import Path
 
 def cache_folder() -> Path:
     """`$PIEC_CACHE`, or `piec_envs` in the user's cache; it may not exist yet."""
-    chosen = os.environ.get("PIEC_CACHE")
-    return Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "piec_envs"
+    parent = os.environ.get("XDG_CACHE_HOME") or os.path.join("~", ".cache")
+    return Path(os.path.expanduser(os.environ.get("PIEC_CACHE") or os.path.join(parent, "piec_envs")))

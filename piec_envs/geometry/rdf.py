@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from piec_envs.cache import cache_folder
-from piec_envs.errors import DistanceFieldError, InvalidParameterError, InvalidStateError, check_name
+from piec_envs.errors import DistanceFieldError, InvalidParameterError, InvalidStateError, as_count, check_name
 from piec_envs.geometry.rdf_file import load_shapes, save_shapes
 from piec_envs.geometry.rdf_fit import fit_shape
 from piec_envs.geometry.rdf_kernels import PackedRdf, answer_rdf
@@ -142,8 +142,9 @@ def panda_shapes(degree: int = DEGREE) -> Mapping[str, FittedShape]:
         InvalidParameterError: if the degree is not one of `DEGREES`.
         MissingDependencyError: if the package that brings the meshes is not installed.
     """
+    degree = as_count("degree", degree)
     if degree not in DEGREES:
-        raise InvalidParameterError(f"degree must be from {DEGREES[0]} to {DEGREES[-1]}, got {degree!r}")
+        raise InvalidParameterError(f"degree must be from {DEGREES[0]} to {DEGREES[-1]}, got {degree}")
     path = cache_folder() / f"panda-rdf-{degree}.npz"
     with suppress(DistanceFieldError):
         return load_shapes(path, degree)
