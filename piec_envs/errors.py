@@ -76,6 +76,10 @@ class MeshError(PiecError, ValueError):
     """A mesh file that is missing, or not the one that the suite was made with."""
 
 
+class DistanceFieldError(PiecError, ValueError):
+    """A file of a robot distance field that is missing, broken, or made from other meshes."""
+
+
 class RenderingError(PiecError, RuntimeError):
     """Frames that cannot be drawn on this machine."""
 

@@ -31,7 +31,7 @@ class Field(NamedTuple):
     h: float  # m
     start: float  # coordinate of the first grid line, m
     speed: PackedSpeed
-    first: np.ndarray  # (S + 1,) shapes of the robot, as in `PackedShapes`
+    first: np.ndarray  # (S + 1,) shapes of the robot, as in `PackedShapes`; S = 0: only `distance` is known
     round: np.ndarray  # (S,) their radius, m
     vertices: np.ndarray  # (V, 2) m
     time: np.ndarray  # (N, N) s
@@ -39,8 +39,20 @@ class Field(NamedTuple):
 
 
 @kernel
+def _interpolated(field, x, y):
+    """Signed distance at (x, y), bilinearly between the nodes, m."""
+    across, along = (x - field.start) / field.h, (y - field.start) / field.h
+    i, j, d = int(along), int(across), field.distance
+    a, b = across - j, along - i
+    low, high = d[i, j] + a * (d[i, j + 1] - d[i, j]), d[i + 1, j] + a * (d[i + 1, j + 1] - d[i + 1, j])
+    return low + b * (high - low)
+
+
+@kernel
 def distance_at(field, x, y):
     """Signed distance from (x, y) to the robot, m: `point_distance` without the closest point."""
+    if field.round.shape[0] == 0:
+        return _interpolated(field, x, y)
     first, radius, corners = field.first, field.round, field.vertices
     best = np.inf
     for i in range(radius.shape[0]):

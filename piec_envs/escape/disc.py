@@ -238,9 +238,25 @@ def solve_disc(robot, speed, disc, second_order, scratch):
     Returns:
         The solution as a `Field`, which lives in the scratch.
     """
-    m = disc.inside
     distance_map(robot, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
     lift_to_axis(robot, speed.d0, scratch.vertices, disc, scratch.near)
+    return solve_measured(robot, speed, disc, second_order, scratch)
+
+
+@batch_kernel
+def solve_measured(robot, speed, disc, second_order, scratch):
+    """Escape time at every node of the grid, from the nodes' distances.
+
+    Args:
+        robot: the `PackedShapes` that a point between the nodes is measured to; without any, its
+            distance is interpolated from the nodes.
+        speed, disc, second_order: as in `solve_disc`.
+        scratch: a `Scratch` with `near` filled.
+
+    Returns:
+        As `solve_disc`.
+    """
+    m = disc.inside
     cost_map(speed, scratch.near, disc.h, scratch.cost)
     _give_edge(speed, disc, scratch)
     _first_order(disc, scratch)

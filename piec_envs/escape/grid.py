@@ -9,6 +9,7 @@ from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT, BatchedField
 from piec_envs.escape.between import Field, distance_at, value
 from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
 from piec_envs.escape.paths import configuration_gradient
+from piec_envs.escape.spatial import SpatialDisc
 from piec_envs.escape.speed import SpeedModel, slowness
 from piec_envs.geometry.kinematics import base_gradient
 from piec_envs.kernels import batch_kernel
@@ -17,6 +18,7 @@ from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 METHODS = {"sweeping": False, "marching": True}  # first order, second order
+DISTANCES = ("polygons", "rdf")
 
 
 @batch_kernel
@@ -61,10 +63,12 @@ class GridField(BatchedField):
         method: "sweeping" (first order) or "marching" (second order).
         speed: largest speed as a function of the distance to the robot.
         threads: threads over the rows of a batch; None takes all cores.
+        distance: "polygons", to the planar robot; or "rdf", to its bodies in space, in the plane
+            (`piec_envs.geometry.rdf`, of the robot "franka" only).
 
     Raises:
-        UnknownNameError: if the robot or the method is not known.
-        InvalidParameterError: if the resolution is below 16.
+        UnknownNameError: if the robot, the method or the distance is not known.
+        InvalidParameterError: if the resolution is below 16, or the robot has no such distance.
     """
 
     name = "grid"
@@ -76,15 +80,20 @@ class GridField(BatchedField):
         method: str = "sweeping",
         speed: SpeedModel | None = None,
         threads: int | None = None,
+        distance: str = "polygons",
     ):
         check_name("method", method, METHODS)
+        check_name("distance", distance, DISTANCES)
         robot = get_robot(robot_name)
         super().__init__(robot_name, robot.dof, speed or SpeedModel())
-        self.resolution, self.method, self.threads = int(resolution), method, threads
+        self.resolution, self.method, self.threads, self.distance = int(resolution), method, threads, distance
         self._base = robot.base_dof
         self._scene = pack_scene(robot_name, "circle")
         self._packed = self.speed.packed()
         self._disc = make_disc(robot.workspace_radius, self.speed.u_bar, resolution)
+        self._spatial = None
+        if distance == "rdf":
+            self._spatial = SpatialDisc(robot_name, self._packed, self._disc, METHODS[method])
 
     def spec(self) -> dict:
         """What makes this field again through `make_field(**spec)`, as JSON-able values."""
@@ -93,15 +102,21 @@ class GridField(BatchedField):
             "robot_name": self.robot_name,
             "resolution": self.resolution,
             "method": self.method,
+            "distance": self.distance,
             "speed": {key: float(number) for key, number in self._packed._asdict().items()},
         }
 
     def sample(self, q: np.ndarray) -> tuple[Field, np.ndarray]:
         """See `BatchedField`."""
+        if self._spatial is not None:
+            return self._spatial.sample(q), np.zeros(2)
         scratch = make_scratch(self._scene.robot, self._dof + 1, self._disc)
         base = place_robot(self._scene, self._base, q, scratch)
         return solve_disc(self._scene.robot, self._packed, self._disc, METHODS[self.method], scratch), np.array(base)
 
     def _answer_rows(self, level, q, points, out):
+        if self._spatial is not None:
+            self._spatial.answer_rows(level, self.threads, q, points, out)
+            return
         plan = METHODS[self.method], self._base, level
         run_rows(_answer, len(q), self.threads, self._scene, self._packed, self._disc, plan, q, points, out)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from piec_envs.cache import cache_folder
-from piec_envs.escape.weights import replacing
+from piec_envs.files import replacing
 
 HEADER = 128  # bytes before the numbers
 
@@ -30,10 +30,8 @@ def kept_table(name: str, digest: str, shape: tuple[int, ...], make: Callable[[]
     Returns:
         A read-only array; in memory alone where the folder cannot be written.
     """
-    try:
-        path = cache_folder() / "tables" / f"{name}-{digest[:16]}.table"
-    except RuntimeError:  # a user without a home
-        path = None
+    folder = cache_folder()
+    path = folder / "tables" / f"{name}-{digest[:16]}.table" if folder else None
     kept = _read(path, digest, shape) if path else None
     if kept is not None:
         return kept

@@ -9,16 +9,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import struct
-import zipfile
-import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from tokenize import TokenError
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +21,7 @@ from piec_envs.errors import UnknownNameError, WeightsError, check_name
 from piec_envs.escape.features import feature_count
 from piec_envs.escape.perceptron import BLOCK
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.files import BROKEN_FILE, replacing
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -33,10 +29,6 @@ from piec_envs.world.scene import pack_scene
 FORMAT = "piec-field-1"
 INPUTS = ("skeleton", "raw")
 ARRAYS = ("mean", "scale", "w_in", "b_in", "w", "b", "w_out", "b_out")
-BROKEN_FILE = (  # what reading a broken file can end with, down to NumPy's parsing of a damaged header
-    OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, MemoryError, SyntaxError,
-    TokenError, zipfile.BadZipFile, zlib.error, struct.error,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,18 +149,6 @@ class FieldWeights:
             raise WeightsError(f"{path}: {error}") from error
         except BROKEN_FILE as error:
             raise WeightsError(f"{path} is no weight file, or is broken: {error}") from error
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A file that takes the place of `path` once it is written, and leaves no trace if that fails."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "wb") as file:
-            yield file
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def input_count(robot_name: str, inputs: str) -> int:

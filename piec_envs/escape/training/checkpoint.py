@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from piec_envs.errors import WeightsError
-from piec_envs.escape.weights import BROKEN_FILE, replacing
+from piec_envs.files import BROKEN_FILE, replacing
 
 FORMAT = "piec-training-1"
 

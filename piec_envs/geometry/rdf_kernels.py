@@ -1,0 +1,283 @@
+"""The robot distance field of many points, compiled: Bernstein polynomials, one box per body.
+
+A body's polynomial lives on its box: u = 1/2 + asinh((x - c) / w) / (2 e) per axis runs from 0 to 1
+and is steep at the body, so that a low degree resolves its edges. Beyond the box the distance to the
+box is added to the value at its nearest point.
+
+Every distance is at least that to the body's bounding box minus `slack`, the largest error of the
+fit with a margin. Bodies are asked in the order of that bound, until it exceeds the least distance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from piec_envs.kernels import batch_kernel, kernel, lane_kernel
+
+
+class PackedRdf(NamedTuple):
+    """Polynomials of S shapes of degree n, and the B bodies that have them."""
+
+    weights: np.ndarray  # (S, n + 1, n + 1, n + 1) m, Bernstein coefficients
+    binomials: np.ndarray  # (2, n + 1) of degree n, and n times those of degree n - 1
+    centre: np.ndarray  # (S, 3) m, of the boxes
+    half: np.ndarray  # (S, 3) m, half the edges of the box of the polynomial
+    core: np.ndarray  # (S, 3) m, half the edges of the body's bounding box
+    width: np.ndarray  # (S, 3) m, of the steep part of u
+    extent: np.ndarray  # (S, 3) asinh(half / width)
+    slack: np.ndarray  # (S,) m
+    shape: np.ndarray  # (B,) int64, row of the above for each body
+    body: np.ndarray  # (B,) int64, row of the body's frame
+    joints: np.ndarray  # (B,) int64, joints before the body
+
+
+class RdfScratch(NamedTuple):
+    """Working memory of one thread."""
+
+    panel: np.ndarray  # (2, (n + 1)^2) the tensor contracted along x with the basis and its slope
+    rows: np.ndarray  # (3, n + 1) and along y
+    basis: np.ndarray  # (3, n + 1)
+    slope: np.ndarray  # (3, n + 1) d basis / du
+    power: np.ndarray  # (2, n + 1)
+    bound: np.ndarray  # (B,) m
+
+
+@batch_kernel
+def make_rdf_scratch(rdf):
+    """Working memory for one thread, for a `PackedRdf`."""
+    n, bodies = rdf.weights.shape[1], rdf.body.shape[0]
+    return RdfScratch(
+        np.empty((2, n * n)), np.empty((3, n)), np.empty((3, n)), np.empty((3, n)), np.empty((2, n)), np.empty(bodies)
+    )
+
+
+@kernel
+def _to_body(frames, b, p):
+    """A point in the frame of body b."""
+    x, y, z = p[0] - frames[b, 0, 3], p[1] - frames[b, 1, 3], p[2] - frames[b, 2, 3]
+    return (
+        frames[b, 0, 0] * x + frames[b, 1, 0] * y + frames[b, 2, 0] * z,
+        frames[b, 0, 1] * x + frames[b, 1, 1] * y + frames[b, 2, 1] * z,
+        frames[b, 0, 2] * x + frames[b, 1, 2] * y + frames[b, 2, 2] * z,
+    )
+
+
+@kernel
+def _box_distance(centre, half, p):
+    """Signed distance from a point to a box."""
+    x, y, z = abs(p[0] - centre[0]) - half[0], abs(p[1] - centre[1]) - half[1], abs(p[2] - centre[2]) - half[2]
+    deepest = max(x, y, z)
+    if deepest <= 0.0:
+        return deepest
+    x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
+    return np.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def _fill_basis(rdf, s, axis, x, scratch, slopes):
+    """Bernstein polynomials at the clamped coordinate x of a body, and d/du if asked.
+
+    Returns:
+        (excess, du_dx): how far x lies beyond the box, m, signed; 1/m.
+    """
+    top = rdf.weights.shape[1] - 1
+    shifted, half, width = x - rdf.centre[s, axis], rdf.half[s, axis], rdf.width[s, axis]
+    inner = min(max(shifted, -half), half)
+    u = 0.5 + 0.5 * np.arcsinh(inner / width) / rdf.extent[s, axis]
+    up, down = scratch.power[0], scratch.power[1]  # u^i, (1 - u)^i
+    up[0] = down[0] = 1.0
+    for i in range(top):
+        up[i + 1], down[i + 1] = up[i] * u, down[i] * (1.0 - u)
+    for i in range(top + 1):
+        scratch.basis[axis, i] = rdf.binomials[0, i] * up[i] * down[top - i]
+    if slopes:
+        before = 0.0
+        for i in range(top):
+            here = rdf.binomials[1, i] * up[i] * down[top - 1 - i]
+            scratch.slope[axis, i] = before - here
+            before = here
+        scratch.slope[axis, top] = before
+    return shifted - inner, 0.5 / (rdf.extent[s, axis] * np.sqrt(inner * inner + width * width))
+
+
+@lane_kernel
+def _along_x(weights, factors, out):
+    """out[m] = sum over i of factors[i] weights[i, m], shapes (n, n^2), (n,) and (n^2,)."""
+    for m in range(out.shape[0]):
+        out[m] = 0.0
+    rest = weights.shape[0] % 4
+    for i in range(rest):
+        for m in range(out.shape[0]):
+            out[m] += factors[i] * weights[i, m]
+    for i in range(rest, weights.shape[0], 4):
+        f_0, f_1, f_2, f_3 = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
+        for m in range(out.shape[0]):
+            out[m] += (f_0 * weights[i, m] + f_1 * weights[i + 1, m]) + (
+                f_2 * weights[i + 2, m] + f_3 * weights[i + 3, m]
+            )
+
+
+@lane_kernel
+def _along_x_twice(weights, factors, slopes, out, rise):
+    """`_along_x` with two rows of factors, in one pass over the weights."""
+    for m in range(out.shape[0]):
+        out[m] = 0.0
+        rise[m] = 0.0
+    rest = weights.shape[0] % 4
+    for i in range(rest):
+        for m in range(out.shape[0]):
+            out[m] += factors[i] * weights[i, m]
+            rise[m] += slopes[i] * weights[i, m]
+    for i in range(rest, weights.shape[0], 4):
+        f_0, f_1, f_2, f_3 = factors[i], factors[i + 1], factors[i + 2], factors[i + 3]
+        g_0, g_1, g_2, g_3 = slopes[i], slopes[i + 1], slopes[i + 2], slopes[i + 3]
+        for m in range(out.shape[0]):
+            a, b, c, d = weights[i, m], weights[i + 1, m], weights[i + 2, m], weights[i + 3, m]
+            out[m] += (f_0 * a + f_1 * b) + (f_2 * c + f_3 * d)
+            rise[m] += (g_0 * a + g_1 * b) + (g_2 * c + g_3 * d)
+
+
+@lane_kernel
+def _along_y(panel, factors, out):
+    """out[k] = sum over j of factors[j] panel[j n + k], shapes (n^2,), (n,) and (n,)."""
+    n = out.shape[0]
+    for k in range(n):
+        out[k] = 0.0
+    for j in range(n):
+        f, row = factors[j], panel[j * n : (j + 1) * n]
+        for k in range(n):
+            out[k] += f * row[k]
+
+
+@kernel
+def _along_z(row, factors):
+    total = 0.0
+    for k in range(row.shape[0]):
+        total += factors[k] * row[k]
+    return total
+
+
+@kernel
+def shape_distance(rdf, s, p, scratch):
+    """Distance from a point in the frame of a body of shape s, m."""
+    e_x, _ = _fill_basis(rdf, s, 0, p[0], scratch, False)
+    e_y, _ = _fill_basis(rdf, s, 1, p[1], scratch, False)
+    e_z, _ = _fill_basis(rdf, s, 2, p[2], scratch, False)
+    n = rdf.weights.shape[1]
+    _along_x(rdf.weights[s].reshape(n, n * n), scratch.basis[0], scratch.panel[0])
+    _along_y(scratch.panel[0], scratch.basis[1], scratch.rows[0])
+    return _along_z(scratch.rows[0], scratch.basis[2]) + np.sqrt(e_x * e_x + e_y * e_y + e_z * e_z)
+
+
+@kernel
+def shape_slope(rdf, s, p, scratch):
+    """Distance from a point in the frame of a body of shape s, m, and its gradient: (d, g_x, g_y, g_z)."""
+    e_x, u_x = _fill_basis(rdf, s, 0, p[0], scratch, True)
+    e_y, u_y = _fill_basis(rdf, s, 1, p[1], scratch, True)
+    e_z, u_z = _fill_basis(rdf, s, 2, p[2], scratch, True)
+    n, panel, rows, basis, slope = rdf.weights.shape[1], scratch.panel, scratch.rows, scratch.basis, scratch.slope
+    weights = rdf.weights[s].reshape(n, n * n)
+    _along_x_twice(weights, basis[0], slope[0], panel[0], panel[1])
+    _along_y(panel[0], basis[1], rows[0])
+    _along_y(panel[1], basis[1], rows[1])
+    _along_y(panel[0], slope[1], rows[2])
+    beyond = np.sqrt(e_x * e_x + e_y * e_y + e_z * e_z)
+    g_x = _along_z(rows[1], basis[2]) * u_x if e_x == 0.0 else e_x / beyond
+    g_y = _along_z(rows[2], basis[2]) * u_y if e_y == 0.0 else e_y / beyond
+    g_z = _along_z(rows[0], slope[2]) * u_z if e_z == 0.0 else e_z / beyond
+    return _along_z(rows[0], basis[2]) + beyond, g_x, g_y, g_z
+
+
+@kernel
+def _fill_bounds(rdf, frames, p, bound):
+    """Lower bounds of the distances to the bodies, m."""
+    for k in range(bound.shape[0]):
+        s = rdf.shape[k]
+        bound[k] = _box_distance(rdf.centre[s], rdf.core[s], _to_body(frames, rdf.body[k], p)) - rdf.slack[s]
+
+
+@kernel
+def arm_distance(rdf, frames, p, scratch):
+    """Distance from a point in space to the arm.
+
+    Args:
+        rdf: a `PackedRdf`.
+        frames: poses of the bodies, shape (11, 4, 4), m.
+        p: three numbers, m.
+        scratch: an `RdfScratch`.
+
+    Returns:
+        The distance, m.
+    """
+    _fill_bounds(rdf, frames, p, scratch.bound)
+    best, k = np.inf, np.argmin(scratch.bound)
+    while scratch.bound[k] < best:
+        scratch.bound[k] = np.inf
+        best = min(best, shape_distance(rdf, rdf.shape[k], _to_body(frames, rdf.body[k], p), scratch))
+        k = np.argmin(scratch.bound)
+    return best
+
+
+@kernel
+def arm_slope(rdf, frames, p, scratch):
+    """Distance from a point in space to the arm, and its gradient in the point.
+
+    Args:
+        rdf, frames, p, scratch: as in `arm_distance`.
+
+    Returns:
+        (d, k, (n_x, n_y, n_z)): the distance, m, the row of the nearest body in `rdf.body`, and the gradient.
+    """
+    _fill_bounds(rdf, frames, p, scratch.bound)
+    k = np.argmin(scratch.bound)
+    best, nearest, x, y, z = np.inf, k, 0.0, 0.0, 0.0
+    while scratch.bound[k] < best:
+        scratch.bound[k] = np.inf
+        d, g_x, g_y, g_z = shape_slope(rdf, rdf.shape[k], _to_body(frames, rdf.body[k], p), scratch)
+        if d < best:
+            best, nearest, x, y, z = d, k, g_x, g_y, g_z
+        k = np.argmin(scratch.bound)
+    turn = frames[rdf.body[nearest]]
+    n_x = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
+    n_y = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
+    n_z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
+    return best, nearest, (n_x, n_y, n_z)
+
+
+@kernel
+def joint_slope(frames, j, p, n):
+    """dd/dq of joint j + 1, m/rad: the body turns about its axis, under a point at p with gradient n."""
+    b = j + 1
+    x, y, z = p[0] - frames[b, 0, 3], p[1] - frames[b, 1, 3], p[2] - frames[b, 2, 3]
+    a_x, a_y, a_z = frames[b, 0, 2], frames[b, 1, 2], frames[b, 2, 2]
+    return -(n[0] * (a_y * z - a_z * y) + n[1] * (a_z * x - a_x * z) + n[2] * (a_x * y - a_y * x))
+
+
+@batch_kernel
+def answer_rdf(lo, hi, rdf, level, frames, points, out):
+    """Rows lo to hi of a batch.
+
+    Args:
+        lo, hi: row range.
+        rdf: a `PackedRdf`.
+        level: 0 for distances alone, 1 for gradients too.
+        frames: poses of the bodies, shape (B, 11, 4, 4), m.
+        points: shape (B, k, 3), m.
+        out: d (B, k), dd_dp (B, k, 3) and dd_dq (B, k, 7), the latter two empty at level 0.
+    """
+    distance, in_p, in_q = out
+    if hi <= lo:
+        return
+    scratch = make_rdf_scratch(rdf)
+    for row in range(lo, hi):
+        for i in range(points.shape[1]):
+            p = points[row, i, 0], points[row, i, 1], points[row, i, 2]
+            if level == 0:
+                distance[row, i] = arm_distance(rdf, frames[row], p, scratch)
+            else:
+                distance[row, i], k, n = arm_slope(rdf, frames[row], p, scratch)
+                in_p[row, i, 0], in_p[row, i, 1], in_p[row, i, 2] = n
+                for j in range(7):
+                    in_q[row, i, j] = joint_slope(frames[row], j, p, n) if j < rdf.joints[k] else 0.0
