@@ -13,9 +13,9 @@ import numpy as np
 from piec_envs.escape import GridField
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
 from piec_envs.geometry.convex import convex_hull, hull_distances
-from piec_envs.geometry.rdf import DEGREE, MOVING, RobotDistanceField, pack_rdf, shape_of
-from piec_envs.geometry.rdf_file import save_shapes
-from piec_envs.geometry.rdf_fit import SHELL, exact_distance, fit_shape
+from piec_envs.geometry.rdf.field import DEGREE, MOVING, RobotDistanceField, pack_rdf, shape_of
+from piec_envs.geometry.rdf.file import save_shapes
+from piec_envs.geometry.rdf.fit import SHELL, exact_distance, fit_shape
 from piec_envs.world.robots.franka import PLANE, all_joints
 from piec_envs.world.robots.panda import BODIES, LOWER, UPPER, body_frames, get_mesh
 

@@ -15,7 +15,7 @@ from piec_envs.escape.disc import BAND, REACH, Disc, make_scratch, solve_measure
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
 from piec_envs.escape.speed import PackedSpeed, slowness, slowness_slope
 from piec_envs.geometry.rdf import panda_distance_field
-from piec_envs.geometry.rdf_kernels import arm_distance, arm_slope, joint_slope, make_rdf_scratch
+from piec_envs.geometry.rdf.kernels import arm_distance, arm_slope, joint_slope, make_rdf_scratch
 from piec_envs.kernels import batch_kernel, kernel
 from piec_envs.parallel import run_rows
 from piec_envs.world.robots.franka import ACTIVE, PLANE, all_joints

@@ -8,7 +8,7 @@ import pytest
 
 from piec_envs.errors import InvalidShapeError
 from piec_envs.geometry.convex import convex_hull
-from piec_envs.geometry.rdf_fit import exact_distance
+from piec_envs.geometry.rdf.fit import exact_distance
 
 HALF = np.array([0.1, 0.2, 0.05])
 CORNERS = HALF * np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1]), axis=-1).reshape(-1, 3)

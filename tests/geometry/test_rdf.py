@@ -17,9 +17,9 @@ from piec_envs.errors import (
 from piec_envs.geometry import rdf as rdf_module
 from piec_envs.geometry.convex import convex_hull
 from piec_envs.geometry.rdf import panda_distance_field, panda_shapes
-from piec_envs.geometry.rdf_file import load_shapes, save_shapes
-from piec_envs.geometry.rdf_fit import exact_distance, fit_shape, spread_points
-from piec_envs.geometry.rdf_shape import arm_reference, bernstein, bernstein_slope, evaluate
+from piec_envs.geometry.rdf.file import load_shapes, save_shapes
+from piec_envs.geometry.rdf.fit import exact_distance, fit_shape, spread_points
+from piec_envs.geometry.rdf.shape import arm_reference, bernstein, bernstein_slope, evaluate
 from piec_envs.world.robots.panda import BODIES, LOWER, UPPER, get_mesh, mesh_folder
 
 LOW_DEGREE = 6

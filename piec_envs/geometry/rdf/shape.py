@@ -1,4 +1,4 @@
-"""The polynomial of one body, and the readable twin of `piec_envs.geometry.rdf_kernels`."""
+"""The polynomial of one body, and the readable twin of `piec_envs.geometry.rdf.kernels`."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
     d(p, q) = min over bodies b of f_b(T_b(q)^-1 p)
 
-with f_b fitted once to the exact distance of the body's convex hull (`piec_envs.geometry.rdf_fit`).
+with f_b fitted once to the exact distance of the body's convex hull (`piec_envs.geometry.rdf.fit`).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 
 from piec_envs.cache import cache_folder
 from piec_envs.errors import DistanceFieldError, InvalidParameterError, InvalidStateError, as_count, check_name
-from piec_envs.geometry.rdf_file import load_shapes, save_shapes
-from piec_envs.geometry.rdf_fit import fit_shape
-from piec_envs.geometry.rdf_kernels import PackedRdf, answer_rdf
-from piec_envs.geometry.rdf_shape import FittedShape, binomials
+from piec_envs.geometry.rdf.file import load_shapes, save_shapes
+from piec_envs.geometry.rdf.fit import fit_shape
+from piec_envs.geometry.rdf.kernels import PackedRdf, answer_rdf
+from piec_envs.geometry.rdf.shape import FittedShape, binomials
 from piec_envs.parallel import run_rows
 from piec_envs.world.robots.panda import BODIES, SHA_256, body_frames, get_mesh
 

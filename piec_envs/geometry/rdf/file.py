@@ -12,8 +12,8 @@ import numpy as np
 
 from piec_envs.errors import DistanceFieldError
 from piec_envs.files import BROKEN_FILE, replacing
-from piec_envs.geometry.rdf_fit import RECIPE
-from piec_envs.geometry.rdf_shape import Box, FittedShape
+from piec_envs.geometry.rdf.fit import RECIPE
+from piec_envs.geometry.rdf.shape import Box, FittedShape
 from piec_envs.world.robots.panda import SHA_256
 
 FORMAT = "piec-rdf-1"

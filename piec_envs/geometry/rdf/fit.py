@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from piec_envs.geometry.convex import Hull, convex_hull, hull_distances
-from piec_envs.geometry.rdf_shape import (
+from piec_envs.geometry.rdf.shape import (
     LEAST_WIDTH,
     MARGIN,
     STEEP,
