@@ -62,13 +62,17 @@ class ExhaustiveConfiguration:
             counts the solves of the grid and the postures of the polish.
 
         Raises:
-            InvalidParameterError: for another robot.
+            InvalidParameterError: for another robot, or if all postures of the grid overlap something.
         """
         heads, inner = self._grids(problem)
         values = np.concatenate(
             [self._values(problem, heads, inner[i : i + CHUNK]) for i in range(0, len(inner), CHUNK)]
         )  # (B, H)
         polish = CmaEsConfiguration(self.population, self.iterations, sigma=self.spacing / 2)
+        if not np.isfinite(values).any():
+            raise InvalidParameterError(
+                f"at pose {problem.pose.tolist()} every posture of the grid overlaps {problem.object!r} or itself"
+            )
         seeds = np.atleast_1d(seed).tolist()
         found = [polish.solve(problem, (*seeds, k), q) for k, q in enumerate(self._best(heads, inner, values))]
         best = max(found, key=lambda one: (one.feasible, one.escape_time))
@@ -102,6 +106,8 @@ class ExhaustiveConfiguration:
         """The best postures that are not beside one another, shape (m, n)."""
         kept: list[np.ndarray] = []
         for flat in np.argsort(-values, axis=None, kind="stable"):
+            if not np.isfinite(values.ravel()[flat]):
+                break
             row, head = np.unravel_index(flat, values.shape)
             q = np.append(heads[head], inner[row])
             if all((np.abs(q - other) > APART * self.spacing).any() for other in kept):

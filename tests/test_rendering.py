@@ -111,7 +111,7 @@ def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
 
 
 def spatial(maker=gym.make, env_id="piec_envs/PlanarArmPush-v0", **options):
-    return maker(env_id, render_mode="rgb_array", renderer="mujoco", escape_field=None, **options)
+    return maker(env_id, render_mode="rgb_array", renderer="mujoco", **{"escape_field": None, **options})
 
 
 @pytest.fixture(scope="module")
@@ -169,6 +169,16 @@ def test_every_row_has_its_frame_and_closing_leaves_the_others(space):
     before = at(space, [0.5, 0.4, 0.0])
     vector.close()  # while the other context is the current one
     assert np.array_equal(before, space.render())
+
+
+def test_a_static_posture_is_seen_from_nearer(space):
+    env = spatial(gym.make, "piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid", pose=(0.1, 0.3, 0.0))
+    env.reset(seed=0)
+    start = env.render()
+    env.step(np.array([0.9, 0.2, -0.5]))
+    assert start.shape == (720, 720, 3) and not np.array_equal(start, env.render())
+    assert where(start, red_first=True)[1] > 1000  # the jug
+    env.close()
 
 
 RENDER = (

@@ -15,7 +15,14 @@ from evaluation.figures.base import figure_file, mix, show_scene
 from piec_envs.errors import RenderingError
 from piec_envs.escape.field import CAGING_SCALE, object_escape_time
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import base_position, draw_escape_path, draw_key_points, draw_object, draw_robot
+from piec_envs.rendering.drawing import (
+    base_position,
+    draw_escape_path,
+    draw_key_points,
+    draw_object,
+    draw_robot,
+    middle,
+)
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.frame import picture_field
 from piec_envs.rendering.space import SpaceFrames
@@ -28,7 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 SIDE = 3.3  # of a panel, inches
-CLOSE_UP = 0.55  # half-width of a close view around the base, of the workspace's radius
+CLOSE_UP = 0.5  # half-width of a close view, of the workspace's radius
+COLUMNS = 4  # of the legend, at most
 SERIES = ("#882255", "#3b7db8", "#44aa99", "#e69f00", "#555b6b")  # colours of methods
 
 
@@ -59,7 +67,7 @@ def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImag
     Args:
         ax: where to draw.
         panel: what to draw.
-        close: whether to show the surroundings of the base alone.
+        close: whether to show the surroundings of robot and object alone.
 
     Returns:
         The heat map, for a colour bar.
@@ -75,7 +83,7 @@ def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImag
     caging = CAGING_SCALE * object_escape_time(field, item.key_points, panel.pose, panel.q_r)
     ax.set_title(("enclosed,  " if panel.enclosed else "") + f"caging {caging:.2f}", loc="right", fontsize=9)
     half = robot.workspace_radius * (CLOSE_UP if close else 1.02)
-    centre = base_position(robot, panel.q_r)
+    centre = middle(robot, panel.q_r, panel.pose) if close else base_position(robot, panel.q_r)
     show_scene(ax, np.stack([centre - half, centre + half], axis=1))
     return image
 
@@ -191,5 +199,6 @@ def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str]
         ax.set_xticks(range(len(places)), list(places))
         ax.set_ylabel("caging")
         ax.set_ylim(bottom=0.0)
-        figure.legend(loc="outside upper center", ncols=len(values) + 1)
+        lines = -(-(len(values) + 1) // COLUMNS)  # rounded up
+        figure.legend(loc="outside upper center", ncols=-(-(len(values) + 1) // lines))
     return Path(path)

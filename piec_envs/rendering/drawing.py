@@ -55,6 +55,18 @@ def robot_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
     return frames
 
 
+def middle(robot: Robot, q: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Middle of what a close view of a robot and an object shows, shape (2,), m.
+
+    Args:
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+        pose: the object's x, y, angle, shape (3,), m, rad.
+    """
+    corners = np.concatenate([outline for link in link_outlines(robot, q) for outline in link] + [pose[None, :2]])
+    return 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+
+
 def base_position(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Centre of the workspace: where the joints that slide have moved the base, shape (2,), m."""
     sliding = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)

@@ -11,6 +11,7 @@ from piec_envs.escape.field import choose_field
 from planners import CagingProblem
 
 CAGE = "piec_envs/PlanarArmCage-v0"
+FRANKA = "piec_envs/FrankaCage-v0"
 POSE = (-0.35, 0.02, 0.1)
 ENCLOSING = np.array([-2.58, -1.32, -1.93, -1.56])
 
@@ -72,6 +73,20 @@ def test_picture_follows_the_posture():
     start = env.render()
     env.step(action_of(ENCLOSING))
     assert start.shape == (720, 720, 3) and not np.array_equal(start, env.render())
+
+
+def test_the_franka_has_its_geometry_field_and_limits():
+    env = gym.make(FRANKA, geometry="capsules", pose=(0.05, 0.2, 0.0)).unwrapped
+    assert env.config.robot == "franka_capsules" and env.config.object == "water_jug"
+    assert env.batch.field.name == env.config.escape_field == "table"
+    problem = CagingProblem("franka_capsules", "water_jug", (0.05, 0.2, 0.0), env.batch.field)
+    for sign in (-1.0, 1.0):
+        env.reset(seed=0)
+        _, reward, _, _, info = env.step(np.full(3, sign))
+        np.testing.assert_array_equal(info["q_r"], problem.lower if sign < 0 else problem.upper)
+        np.testing.assert_allclose(reward, 0.02 * problem.measure(info["q_r"][None]).value[0])
+    with pytest.raises(UnknownNameError, match="capsules, meshes"):
+        gym.make(FRANKA, geometry="boxes")
 
 
 @pytest.mark.parametrize(
