@@ -13,25 +13,25 @@ import numpy as np
 from piec_envs.escape import GridField
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
 from piec_envs.geometry.convex import convex_hull, hull_distances
-from piec_envs.geometry.rdf.field import DEGREE, MOVING, RobotDistanceField, pack_rdf, shape_of
+from piec_envs.geometry.rdf.field import DEGREE, MOVING, RobotDistanceField, mesh_of, pack_rdf
 from piec_envs.geometry.rdf.file import save_shapes
 from piec_envs.geometry.rdf.fit import SHELL, exact_distance, fit_shape
 from piec_envs.world.robots.franka import PLANE, all_joints
-from piec_envs.world.robots.panda import BODIES, LOWER, UPPER, body_frames, get_mesh
+from piec_envs.world.robots.panda import BODIES, LOWER, UPPER, body_frames, mesh_vertices
 
 DEGREES = (8, 12, 16, 20, 24)
 POINTS = 20_000
-NAMES = {shape_of(body): body for body in BODIES}
+NAMES = {mesh_of(body): body for body in BODIES}
 
 
 def fit_all(degree: int) -> dict:
     """The polynomials of all bodies, fitted now."""
-    return {name: fit_shape(get_mesh(body).vertices, degree) for name, body in NAMES.items()}
+    return {name: fit_shape(mesh_vertices(body), degree) for name, body in NAMES.items()}
 
 
 def shell_points(body: str, rng: np.random.Generator) -> np.ndarray:
     """Points of space within 0.2 m of a body, then as many inside it, each evenly spread, (B, 3)."""
-    vertices = get_mesh(body).vertices
+    vertices = mesh_vertices(body)
     hull, low, high = convex_hull(vertices), vertices.min(axis=0), vertices.max(axis=0)
     around = rng.uniform(low - SHELL, high + SHELL, (2 * POINTS, 3))
     inside = rng.uniform(low, high, (2 * POINTS, 3))
@@ -59,7 +59,7 @@ def bodies(shapes: dict) -> list[dict]:
         pose = still[BODIES.index(body)]
         field = RobotDistanceField(shapes, (body,))
         d, slope, _ = field.gradients(points @ pose[:3, :3].T + pose[:3, 3], np.zeros(7))
-        true = exact_distance(convex_hull(get_mesh(body).vertices), points)
+        true = exact_distance(convex_hull(mesh_vertices(body)), points)
         table.append({"check": name} | accuracy(d, slope, true))
     return table
 
@@ -70,7 +70,7 @@ def true_distance(points: np.ndarray, q: np.ndarray) -> np.ndarray:
     for body in MOVING:
         pose = frames[BODIES.index(body)]
         local = (points - pose[:3, 3]) @ pose[:3, :3]
-        best = np.minimum(best, exact_distance(convex_hull(get_mesh(body).vertices), local))
+        best = np.minimum(best, exact_distance(convex_hull(mesh_vertices(body)), local))
     return best
 
 
@@ -115,7 +115,7 @@ def speed(shapes: dict, degree: int) -> dict:
 
 def exact_speed() -> dict:
     """The exact distance to one body on one core, for comparison."""
-    hull = convex_hull(get_mesh("link5").vertices)
+    hull = convex_hull(mesh_vertices("link5"))
     points = np.random.default_rng(2).uniform(-0.7, 0.7, (10_000, 3))
     out = np.empty(len(points))
     hull_distances(0, 1, hull, points, out)
@@ -123,6 +123,16 @@ def exact_speed() -> dict:
         "check": "exact, time",
         "one link value_us": 100 * seconds(hull_distances, 0, len(points), hull, points, out),
     }
+
+
+def grid_speed() -> dict:
+    """Milliseconds of one escape field of 200 x 200 nodes on one core, with either distance."""
+    q, point = np.array([[0.3, -1.8, 1.4]]), np.array([[[0.3, 0.1]]])
+    row: dict = {"check": "escape field, time"}
+    for name in ("rdf", "polygons"):
+        field = GridField("franka", 200, "marching", threads=1, distance=name)
+        row |= {f"{name}_ms": 1e3 * seconds(field.query, point, q)}
+    return row
 
 
 def degrees() -> list[dict]:
@@ -163,7 +173,7 @@ def against_polygons(shapes: dict) -> list[dict]:
 def main() -> None:
     """Print one line per check."""
     shapes = fit_all(DEGREE)
-    for row in [*bodies(shapes), whole_arm(shapes), *against_polygons(shapes), exact_speed(), *degrees()]:
+    for row in [*bodies(shapes), whole_arm(shapes), *against_polygons(shapes), exact_speed(), grid_speed(), *degrees()]:
         numbers = (f"{key} {value:.4g}" for key, value in list(row.items())[1:])
         print(f"{row['check']:38}", "  ".join(numbers), flush=True)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from piec_envs.errors import check_name
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance, robot_vertices
 from piec_envs.escape.speed import SpeedModel
@@ -84,6 +85,7 @@ def _drawn_set(robot_name, kind, seed, rows, k, threads) -> PointSet:
 
 def ranking_set(robot_name: str, rows: int = 1500, threads: int | None = None) -> PointSet:
     """Set C: curled configurations whose centroid lies in the direction of the point, which is clear of them."""
+    check_name("robot with a point of set C", robot_name, RANK_POINTS)
     rng, point = np.random.default_rng(SEEDS["C"]), np.array(RANK_POINTS[robot_name])
     kept = np.empty((0, get_robot(robot_name).dof))
     while len(kept) < rows:

@@ -83,6 +83,7 @@ class CageEnv(gym.Env):
     def __init__(
         self,
         robot: str,
+        /,
         dtype: str = "float64",
         render_mode: str | None = None,
         renderer: str = "drawing",
@@ -181,6 +182,7 @@ class CageVectorEnv(NativeVectorEnv):
     def __init__(
         self,
         robot: str,
+        /,
         num_envs: int = 1,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,

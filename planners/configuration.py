@@ -120,12 +120,19 @@ def draw_postures(problem: CagingProblem, kind: str, rows: int, rng: np.random.G
 
     Returns:
         Shape (rows, n).
+
+    Raises:
+        UnknownNameError: for another kind.
+        InvalidParameterError: for a side to which the robot cannot curl.
     """
     check_name("kind of postures", kind, GUESSES)
     q = rng.uniform(problem.lower, problem.upper, (rows, len(problem.lower)))
     if kind != "uniform":
         robot = get_robot(problem.robot)
-        side = {"left": 1.0, "right": -1.0}.get(kind, rng.choice(robot.curl_sides(CURL[0]), (rows, 1)))
+        sides = robot.curl_sides(CURL[0])
+        side = {"left": 1.0, "right": -1.0}.get(kind, rng.choice(sides, (rows, 1)))
+        if np.ndim(side) == 0 and side not in sides:
+            raise InvalidParameterError(f"the limits of {robot.name!r} do not let it curl to the {kind}")
         turning = slice(robot.base_dof + 1, None)
         straight, lower, upper = robot.straight[turning], problem.lower[turning], problem.upper[turning]
         q[:, turning] = np.clip(straight + np.abs(q[:, turning] - straight) * side, lower, upper)

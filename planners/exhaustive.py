@@ -19,6 +19,7 @@ from piec_envs.escape.field import REDUCTIONS
 from piec_envs.world.robots import get_robot
 from planners.configuration import CmaEsConfiguration, Configuration
 
+LEAST_SPACING = 0.005  # rad
 CHUNK = 256  # inner postures at once
 APART = 2.0  # spacings in some joint between two postures that are polished
 
@@ -44,8 +45,8 @@ class ExhaustiveConfiguration:
     def __post_init__(self):
         for name, least in (("headings", 1), ("polished", 1), ("population", 2), ("iterations", 1)):
             as_count(name, getattr(self, name), least)
-        if not float(as_floats("spacing", self.spacing, (), InvalidParameterError)) > 0:
-            raise InvalidParameterError(f"spacing must be above 0, got {self.spacing}")
+        if not float(as_floats("spacing", self.spacing, (), InvalidParameterError)) >= LEAST_SPACING:
+            raise InvalidParameterError(f"spacing must be at least {LEAST_SPACING} rad, got {self.spacing}")
 
     def solve(
         self, problem: CagingProblem, seed: int | Sequence[int] = 0, start: np.ndarray | None = None

@@ -8,10 +8,23 @@ from hypothesis import settings
 
 from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.errors import MissingDependencyError
 
 # The first call of a kernel compiles; every run draws the same examples.
 settings.register_profile("kernels", deadline=None, derandomize=True)
 settings.load_profile("kernels")
+
+
+def _skipped_if_missing(item):
+    """A test that needs an optional package which is not installed is skipped."""
+    try:
+        return (yield)
+    except MissingDependencyError as error:
+        pytest.skip(str(error))
+
+
+pytest_runtest_setup = pytest.hookimpl(wrapper=True)(_skipped_if_missing)
+pytest_runtest_call = pytest.hookimpl(wrapper=True)(_skipped_if_missing)
 
 
 @pytest.fixture(scope="session", autouse=True)

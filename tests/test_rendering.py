@@ -14,10 +14,10 @@ import pytest
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.errors import RenderingError, UnknownNameError
-from piec_envs.rendering.drawing import base_position, link_outlines, robot_frames
+from piec_envs.rendering.drawing import base_position, close_view, link_outlines, robot_frames
 from piec_envs.rendering.field import FIELD_TOP, _filled
 from piec_envs.rendering.frame import picture_field, render_frame
-from piec_envs.world.objects import OBJECTS
+from piec_envs.world.objects import OBJECTS, get_object
 from piec_envs.world.robots import ROBOTS, get_robot
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -171,14 +171,24 @@ def test_every_row_has_its_frame_and_closing_leaves_the_others(space):
     assert np.array_equal(before, space.render())
 
 
-def test_a_static_posture_is_seen_from_nearer(space):
-    env = spatial(gym.make, "piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid", pose=(0.1, 0.3, 0.0))
+@pytest.mark.parametrize("pose", [(0.1, 0.3, 0.0), (-0.35, 0.0, 0.0), (0.0, -0.39, 0.0)], ids=str)
+def test_a_static_posture_is_seen_from_nearer(space, pose):
+    env = spatial(gym.make, "piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid", pose=pose)
     env.reset(seed=0)
     start = env.render()
     env.step(np.array([0.9, 0.2, -0.5]))
     assert start.shape == (720, 720, 3) and not np.array_equal(start, env.render())
     assert where(start, red_first=True)[1] > 1000  # the jug
     env.close()
+
+
+def test_a_close_view_holds_robot_and_object():
+    robot, item, rng = get_robot("franka_capsules"), get_object("box"), np.random.default_rng(0)
+    for q in rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"), (20, 3)):
+        pose = rng.uniform([-0.5, -0.5, -3], [0.5, 0.5, 3])
+        centre, half = close_view(robot, q, item, pose)
+        shown = np.concatenate([*(o for link in link_outlines(robot, q) for o in link), pose[None, :2]])
+        assert (np.abs(shown - centre) < half).all() and half < 1.3
 
 
 RENDER = (

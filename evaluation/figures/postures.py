@@ -17,11 +17,11 @@ from piec_envs.escape.field import CAGING_SCALE, object_escape_time
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import (
     base_position,
+    close_view,
     draw_escape_path,
     draw_key_points,
     draw_object,
     draw_robot,
-    middle,
 )
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.frame import picture_field
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 SIDE = 3.3  # of a panel, inches
-CLOSE_UP = 0.5  # half-width of a close view, of the workspace's radius
 COLUMNS = 4  # of the legend, at most
 SERIES = ("#882255", "#3b7db8", "#44aa99", "#e69f00", "#555b6b")  # colours of methods
 
@@ -82,8 +81,9 @@ def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImag
     draw_key_points(ax, item, panel.pose, s=11)
     caging = CAGING_SCALE * object_escape_time(field, item.key_points, panel.pose, panel.q_r)
     ax.set_title(("enclosed,  " if panel.enclosed else "") + f"caging {caging:.2f}", loc="right", fontsize=9)
-    half = robot.workspace_radius * (CLOSE_UP if close else 1.02)
-    centre = middle(robot, panel.q_r, panel.pose) if close else base_position(robot, panel.q_r)
+    centre, half = base_position(robot, panel.q_r), 1.02 * robot.workspace_radius
+    if close:
+        centre, half = close_view(robot, panel.q_r, item, panel.pose)
     show_scene(ax, np.stack([centre - half, centre + half], axis=1))
     return image
 

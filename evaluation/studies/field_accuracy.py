@@ -38,6 +38,9 @@ other table takes for the truth, at 200 x 200, stands among the rows. P and C ar
 Enclosed: points without a way out under the hard wall, whose T is the time through the leaky one."""
 
 
+DRAWN = ("network", "pinn", "pinn-paper")  # of the learned fields
+
+
 @dataclass(frozen=True)
 class Settings:
     """All knobs of the study.
@@ -139,7 +142,7 @@ def judge_fields(
     return [
         *write_table(folder, rows, "Escape fields against the exact one", notes),
         *write_table(folder, fine, "The same against a finer grid", FINE_NOTES, name="fine"),
-        *_draw(settings, folder, context),
+        *_draw(settings, cases, folder, context),
     ]
 
 
@@ -188,12 +191,13 @@ def _fine_columns(result: dict[str, Any]) -> dict[str, Any]:
     return shown
 
 
-def _draw(settings: Settings, folder: Path, context: Context) -> list[Path]:
-    """The fields side by side, and where the learned ones are off, on curled postures."""
+def _draw(settings: Settings, cases: dict[str, dict[str, Any]], folder: Path, context: Context) -> list[Path]:
+    """The fields side by side, and where those that are not solved are off, on curled postures."""
     spec = dataclasses.asdict(settings)
-    shown = [recipe for recipe in ("network", "pinn", "pinn-paper") if recipe in settings.recipes]
+    tables = [label for label, case in cases.items() if case["kind"] == "table"][:1]
+    shown = [*tables, *(recipe for recipe in DRAWN if recipe in cases)]
     learned: dict[str, BatchedField] = {
-        recipe: load_field({"kind": "learned", "recipe": recipe}, spec, settings.seed, context) for recipe in shown
+        label.partition(" ")[0]: load_field(cases[label], spec, settings.seed, context) for label in shown
     }
     exact = exact_field(settings.robot, context.threads)
     configurations = [np.array(q) for q in settings.drawn]

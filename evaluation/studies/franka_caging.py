@@ -49,20 +49,20 @@ SMOKE_EXHAUSTIVE = Method(
 NOTES = """\
 Caging, 0.02 T, at the key points of each object, mean (T_hat) and least; T / T_0 divides T_hat by that of an
 object without a robot. Best posture of n searches of CMA-ES, from all starts and on all fields, and that of the
-exhaustive search, both judged by fast marching with 200 nodes a side. The paper's workspace radius is unknown, so
+exhaustive search, both judged by fast marching on a fine grid (`judge`). The paper's workspace radius is unknown, so
 its values (last columns) show the order of the objects and are not to be compared with ours."""
 POINT_NOTES = """\
 Every key point of the same postures, judged in the same way: T in seconds and over T_0, the time without a
 robot. Enclosed: under the hard wall (leak = 0) nothing leads out. "Share" is T over that of the exhaustive
 search's posture at the same key point."""
-SEARCH_NOTES = """\
+SEARCH_NOTES = f"""\
 n counts distinct executions, one for each random start; all rows of an object have the same starts. Caging,
-0.02 T_hat: "found" under the optimised field, "judged" by fast marching with 200 nodes a side, best and median
-over starts, of postures that overlap by at most 1e-6 m ("feasible"). "Reached" counts feasible postures judged
-at least 98 % of that of the exhaustive search, which tries every posture on a grid of 0.05 rad and 180
-headings. Overlap: the largest of a feasible posture, with the object or itself; limits: all postures
-keep them by construction. Queries: postures at which the field was asked, mean over starts; seconds: median,
-one machine, not to be compared with others."""
+0.02 T_hat: "found" under the optimised field, "judged" by fast marching on a fine grid, best and median over starts,
+of postures that overlap by at most 1e-6 m ("feasible"). "Reached" counts feasible postures judged at least
+{100 * CLOSE:g} % of that of the exhaustive search. Overlap: the largest of a feasible posture, of the planar shapes of
+links with each other or with the object; links next to each other at a joint are not compared. Limits are kept by
+construction. Queries: postures at which the field was asked, mean over starts; the exhaustive search asks once for
+all headings of an inner posture. Seconds: median, one machine, not to be compared with others."""
 
 
 @dataclass(frozen=True)
@@ -232,8 +232,8 @@ def search_rows(by_case: Mapping[Any, Records], yardstick: Mapping[str, Any]) ->
     for (name, optimised, method), records in by_case.items():
         rows.append({"object": name, "field": optimised, "search": method.label, **_counts(records, yardstick[name])})
     for name, record in yardstick.items():
-        optimised = record["spec"]["field"]["name"]
-        rows.append({"object": name, "field": optimised, "search": EXHAUSTIVE.label, **_counts([record], record)})
+        field_name, search = record["spec"]["field"]["name"], record["spec"]["optimiser"]["name"]
+        rows.append({"object": name, "field": field_name, "search": search, **_counts([record], record)})
     return rows
 
 

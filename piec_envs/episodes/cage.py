@@ -24,7 +24,7 @@ from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
 REACH = 0.4  # m; farther from the base few postures enclose anything
-BASE_ROOM = 0.06  # m between the base and a drawn object: half the first link's width and a little more
+BASE_ROOM = 0.06  # m between the first axis and a drawn object: half the width of a slim first link and a little more
 HARD_WALL = {"resolution": 100, "method": "marching"}  # of the field that decides what is enclosed
 
 

@@ -38,8 +38,8 @@ class EnvConfig:
         adversary: speed of an object that flees, as a fraction of the escape field's u_bar.
         start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
         randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.
-        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best,
-            `network` where weights ship, else `grid`; None computes none.
+        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best
+            (`piec_envs.escape.field.resolve_field`); None computes none.
         escape_every: steps between two refreshes of the escape time; None takes the field's default.
         prior: "caging", "contact", "proximity" or None; "auto" is caging where a field is computed.
         goal: centre of the goal region, (x, y) in m; None takes the task's.

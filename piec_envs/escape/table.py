@@ -6,10 +6,12 @@ import hashlib
 import math
 import sys
 from dataclasses import astuple
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
 
-from piec_envs.errors import InvalidParameterError, as_count
+from piec_envs.errors import InvalidParameterError, as_count, as_floats
 from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import Field
 from piec_envs.escape.disc import MIN_RESOLUTION
@@ -20,11 +22,11 @@ from piec_envs.escape.table_file import kept_table
 from piec_envs.escape.tabulation import STRIDE, PackedTable, fine_disc, interpolate_rows, tabulate
 from piec_envs.escape.weights import geometry_digest
 from piec_envs.parallel import notice, run_rows
-from piec_envs.versions import versions
 from piec_envs.world.robots import Robot, get_robot
 from piec_envs.world.scene import pack_scene
 
-FORMAT = 1  # of the table; another number makes all tables anew
+# Modules of this package whose code decides the numbers of a table: a change of them makes all tables anew.
+SOURCES = ("between", "disc", "marching", "speed", "sweeping", "table", "tabulation")
 INNER_JOINTS = 2  # that turn, after the first one
 SPACINGS = (0.01, 0.5)  # rad
 MAX_BYTES = 1e9
@@ -124,12 +126,21 @@ class TableField(BatchedField):
 
     def _digest(self) -> str:
         """SHA-256 of everything that the numbers of the table depend on."""
-        parts = (FORMAT, versions()["piec-envs"], sys.byteorder, geometry_digest(self.robot_name))
+        parts = (source_digest(), sys.byteorder, geometry_digest(self.robot_name))
         numbers = (self.resolution, self.spacing, *astuple(self.speed))
         return hashlib.sha256(repr((parts, numbers)).encode()).hexdigest()
 
     def _answer_rows(self, level, q, points, out):
         run_rows(interpolate_rows, len(q), self.threads, self._scene, self._table, level, q, points, out)
+
+
+@cache
+def source_digest() -> str:
+    """SHA-256 of the code that makes tables."""
+    digest = hashlib.sha256()
+    for name in SOURCES:
+        digest.update((files("piec_envs.escape") / f"{name}.py").read_bytes())
+    return digest.hexdigest()
 
 
 def can_tabulate(robot: Robot) -> bool:
@@ -159,6 +170,7 @@ def _check_robot(robot: Robot) -> None:
 
 def _checked_spacing(spacing: float) -> float:
     """The spacing, within SPACINGS."""
+    spacing = float(as_floats("spacing", spacing, (), InvalidParameterError))
     if not SPACINGS[0] <= spacing <= SPACINGS[1]:
         raise InvalidParameterError(f"spacing must be within {SPACINGS[0]} and {SPACINGS[1]} rad, got {spacing}")
-    return float(spacing)
+    return spacing

@@ -83,11 +83,11 @@ def base_gradient(scene, frames, base, p_x, p_y, dq):
 
     Args:
         scene: a `PackedScene`.
-        frames: from `link_frames`, of the leading joints at least.
+        frames: from `link_frames`, up to that after the leading joints at least.
         base: number of leading joints that move the base.
         p_x, p_y: gradient in the point.
         dq: output, shape (n,); the first `base` entries are written.
     """
     for j in range(base):
-        axis, c, s = scene.joint_axis[j], frames[j, 2], frames[j, 3]
+        axis, c, s = scene.joint_axis[j], frames[j + 1, 2], frames[j + 1, 3]
         dq[j] = -p_x * (c * axis[0] - s * axis[1]) - p_y * (s * axis[0] + c * axis[1])

@@ -34,6 +34,7 @@ KEY_POINT = "#d6252f"
 PATH = "#4be3f2"  # fastest escape
 EDGE_OF_WORKSPACE = "#d6453d"
 
+LEAST_VIEW, VIEW_MARGIN = 0.45, 1.15  # half-width of a close view, over the workspace's radius and over what it shows
 _SMOOTH = np.array([1, 2, 3, 2, 1]) / 9
 
 
@@ -55,22 +56,25 @@ def robot_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
     return frames
 
 
-def middle(robot: Robot, q: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Middle of what a close view of a robot and an object shows, shape (2,), m.
+def close_view(robot: Robot, q: np.ndarray, item: Object, pose: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre, shape (2,), and half-width of a square around a robot and an object, m.
 
     Args:
         robot: the robot.
         q: joint positions, shape (n,), rad or m.
-        pose: the object's x, y, angle, shape (3,), m, rad.
+        item: the object.
+        pose: its x, y, angle, shape (3,), m, rad.
     """
-    corners = np.concatenate([outline for link in link_outlines(robot, q) for outline in link] + [pose[None, :2]])
-    return 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    outlines = [outline for link in link_outlines(robot, q) for outline in link]
+    around = pose[:2] + item.bounding_radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
+    corners = np.concatenate([*outlines, around])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return 0.5 * (low + high), max(LEAST_VIEW * robot.workspace_radius, VIEW_MARGIN * float((high - low).max()) / 2)
 
 
 def base_position(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Centre of the workspace: where the joints that slide have moved the base, shape (2,), m."""
-    sliding = next((j for j, joint in enumerate(robot.joints) if joint.axis[2] != 0), robot.dof)
-    return robot_frames(robot, q)[sliding, :2]
+    return robot_frames(robot, q)[robot.base_dof, :2]
 
 
 def _placed(shape: RoundedPolygon, frame: np.ndarray, grow: float = 0.0) -> np.ndarray:

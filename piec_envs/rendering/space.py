@@ -16,7 +16,7 @@ import numpy as np
 
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import RenderingError
-from piec_envs.rendering.drawing import base_position, middle
+from piec_envs.rendering.drawing import base_position, close_view
 from piec_envs.world.objects import get_object
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 SIZE = 720  # height and width of a frame, pixels
 ELEVATION, AZIMUTH = -60.0, 90.0  # of the camera's line of sight, degrees; x points right in the picture
 DISTANCE, BEFORE = 2.68, 0.09  # of the camera from what it looks at, and of that from the base, over the radius
-CLOSE_UP = 0.5  # how much nearer a close view is
 TABLE, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.0, 0.0, 0.0, 0.0)
 BACKGROUND = (0.80, 0.84, 0.89)
 COLUMN, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
@@ -101,14 +100,13 @@ class SpaceFrames:
         renderer, data = self._renderer(robot, object_name)
         import mujoco
 
-        (x, y, angle), height = pose, get_object(object_name).height
-        data.qpos[:] = (*q, x, y, height / 2, np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
+        (x, y, angle), item = pose, get_object(object_name)
+        data.qpos[:] = (*q, x, y, item.height / 2, np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
         mujoco.mj_kinematics(renderer.model, data)
         mujoco.mj_comPos(renderer.model, data)
         mujoco.mj_camlight(renderer.model, data)
         centre, radius = base_position(robot, q), robot.workspace_radius
-        camera = _camera(middle(robot, q, pose), CLOSE_UP * radius) if close else _camera(centre, radius)
-        renderer.update_scene(data, camera)
+        renderer.update_scene(data, _camera(*(close_view(robot, q, item, pose) if close else (centre, radius))))
         for mark in (Mark(centre, radius, -TABLE_HEIGHT, TABLE), *marks):
             _add_disc(renderer.scene, mark)
         return renderer.render()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -74,12 +75,13 @@ def _reach(robot) -> np.ndarray:
 
 
 def _links_apart(robot) -> np.ndarray:
-    """Pairs of links with a joint between their frames that neither is next to, shape (P, 2).
+    """Pairs of links with at least two joints between them, shape (P, 2).
 
-    Those on the two sides of one joint touch each other all the time, or by their build never do.
+    The two sides of one joint are made to move on each other within its limits, although convex
+    shapes of them may overlap.
     """
     frames = [link.frame for link in robot.links]
-    pairs = [(i, k) for i in range(len(frames)) for k in range(i, len(frames)) if frames[k] - frames[i] >= 2]
+    pairs = [(i, k) for i, k in combinations(range(len(frames)), 2) if abs(frames[k] - frames[i]) >= 2]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 

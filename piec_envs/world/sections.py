@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from piec_envs.errors import InvalidShapeError
 
@@ -20,15 +20,18 @@ def cross_section(vertices: np.ndarray, low: float, high: float, tolerance: floa
         tolerance: by which the outline may exceed the hull of the projection, m.
 
     Returns:
-        Corners, counter-clockwise, shape (k, 2), m; they contain the projection.
+        Corners, counter-clockwise, shape (k, 2), m; they contain the projection, to a micrometre.
 
     Raises:
-        InvalidShapeError: if no part of the body with an area lies in the range.
+        InvalidShapeError: if the vertices span no volume, or no part of it lies in the range.
     """
-    points = _slab(vertices, low, high)  # (P, 2)
-    if len(points) < 3:
-        raise InvalidShapeError(f"the body has no part between z = {low} and {high} m")
-    hull = points[ConvexHull(points).vertices]
+    try:
+        points = _slab(np.asarray(vertices, dtype=float), low, high)  # (P, 2)
+        hull = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError) as error:
+        raise InvalidShapeError(
+            f"the body spans no volume, or has no part between z = {low} and {high} m: {error}"
+        ) from error
     corners = _simplify(hull, tolerance - 10 * GRAIN)
     centre = corners.mean(axis=0)
     outward = corners - centre

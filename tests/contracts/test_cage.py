@@ -85,8 +85,11 @@ def test_the_franka_has_its_geometry_field_and_limits():
         _, reward, _, _, info = env.step(np.full(3, sign))
         np.testing.assert_array_equal(info["q_r"], problem.lower if sign < 0 else problem.upper)
         np.testing.assert_allclose(reward, 0.02 * problem.measure(info["q_r"][None]).value[0])
-    with pytest.raises(UnknownNameError, match="capsules, meshes"):
-        gym.make(FRANKA, geometry="boxes")
+    for make in (gym.make, gym.make_vec):
+        with pytest.raises(UnknownNameError, match="capsules, meshes"):
+            make(FRANKA, geometry="boxes")
+        with pytest.raises(UnknownNameError, match="unknown keyword argument 'robot'"):
+            make(FRANKA, geometry="capsules", robot="planar_arm")
 
 
 @pytest.mark.parametrize(
@@ -94,6 +97,7 @@ def test_the_franka_has_its_geometry_field_and_limits():
     [
         ({"object": "cube"}, UnknownNameError, "three_discs"),
         ({"colour": "red"}, UnknownNameError, "object"),
+        ({"robot": "franka"}, UnknownNameError, "object"),
         ({"pose": (2.0, 0.0, 0.0)}, InvalidParameterError, "workspace disc"),
         ({"pose": (np.nan, 0.0, 0.0)}, InvalidParameterError, "finite"),
         ({"pose": (0.1, 0.2)}, InvalidParameterError, "shape"),

@@ -10,7 +10,6 @@ import pytest
 from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.mjcf import TABLE_FRICTION, get_model
 from piec_envs.dynamics.mujoco_ import ENGINE_STEPS, MujocoDynamics
-from piec_envs.errors import MissingDependencyError
 from piec_envs.geometry.distance import scene_distances
 from piec_envs.world.objects import OBJECTS, get_object
 from piec_envs.world.robots import get_robot
@@ -62,18 +61,15 @@ def test_distances_and_normals_agree_with_mujoco(object_name):
     assert checked > 300
 
 
-def test_the_panda_is_its_meshes():
-    """1,000 random states of the Panda beside a disc, where the closest points are level with the object."""
-    try:
-        model = get_model("franka", "water_jug", 0.5)
-    except MissingDependencyError as error:
-        pytest.skip(str(error))
-    robot, item = get_robot("franka"), get_object("water_jug")
-    rng, scene, ours, ends = np.random.default_rng(0), pack_scene("franka", "water_jug"), np.empty(9), np.empty(6)
+@pytest.mark.parametrize("object_name", ["water_jug", "box"])
+def test_the_panda_is_its_meshes(object_name):
+    """1,000 random states of the Panda beside an object, where the closest points are level with it."""
+    model, robot, item = get_model("franka", object_name, 0.5), get_robot("franka"), get_object(object_name)
+    rng, scene, ours, ends = np.random.default_rng(0), pack_scene("franka", object_name), np.empty(9), np.empty(6)
     (part,), checked, worst = geoms(model, "object"), 0, 0.0
     while checked < 1000:
         q = rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"))
-        pose = np.append(rng.uniform(-0.9, 0.9, 2), 0.0)
+        pose = rng.uniform([-0.9, -0.9, -3], [0.9, 0.9, 3])
         data = placed(model, q, pose, item.height)
         scene_distances(scene, q, pose, ours)
         nearest = int(ours.argmin())

@@ -7,38 +7,23 @@ import json
 import numpy as np
 import pytest
 
-from piec_envs.errors import InvalidParameterError, MissingDependencyError, UnknownNameError
+from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape import GridField, SpeedModel, make_field
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
-from piec_envs.geometry.rdf import panda_distance_field, panda_shapes
+from piec_envs.geometry.rdf import panda_distance_field
 from piec_envs.world.robots import get_robot
 from piec_envs.world.robots.franka import PLANE, all_joints
-from piec_envs.world.robots.panda import mesh_folder
 
 CURLED = np.array([0.3, -2.2, 1.2])
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    """Fit here, whatever the user's cache holds; skip where there are no meshes."""
-    try:
-        mesh_folder()
-    except MissingDependencyError as error:
-        pytest.skip(str(error))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PIEC_CACHE", str(tmp_path_factory.mktemp("cache")))
-        panda_shapes.cache_clear()
-        yield
-    panda_shapes.cache_clear()
-
-
 @pytest.fixture(scope="module")
-def field(_cache):
+def field():
     return GridField("franka", 64, "marching", distance="rdf")
 
 
 @pytest.fixture(scope="module")
-def sample(_cache):
+def sample():
     rng = np.random.default_rng(0)
     q = draw_configurations("franka", "curled", 8, rng)
     return draw_points("franka", "curled", q, 30, rng), q

@@ -11,36 +11,20 @@ from piec_envs.errors import (
     DistanceFieldError,
     InvalidParameterError,
     InvalidStateError,
-    MissingDependencyError,
     UnknownNameError,
 )
-from piec_envs.geometry import rdf as rdf_module
 from piec_envs.geometry.convex import convex_hull
 from piec_envs.geometry.rdf import panda_distance_field, panda_shapes
 from piec_envs.geometry.rdf.file import load_shapes, save_shapes
 from piec_envs.geometry.rdf.fit import exact_distance, fit_shape, spread_points
 from piec_envs.geometry.rdf.shape import arm_reference, bernstein, bernstein_slope, evaluate
-from piec_envs.world.robots.panda import BODIES, LOWER, UPPER, get_mesh, mesh_folder
+from piec_envs.world.robots.panda import BODIES, LOWER, UPPER, mesh_of, mesh_vertices
 
 LOW_DEGREE = 6
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _cache(tmp_path_factory):
-    """Fit here, whatever the user's cache holds; skip where there are no meshes."""
-    try:
-        mesh_folder()
-    except MissingDependencyError as error:
-        pytest.skip(str(error))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PIEC_CACHE", str(tmp_path_factory.mktemp("cache") / "not yet there"))
-        panda_shapes.cache_clear()
-        yield
-    panda_shapes.cache_clear()
-
-
 @pytest.fixture(scope="module")
-def field(_cache):
+def field():
     return panda_distance_field()
 
 
@@ -59,7 +43,7 @@ def test_basis_sums_to_one_and_has_the_slope_of_its_differences():
 @pytest.mark.parametrize("name", ["link1", "link7", "hand", "finger"])
 def test_a_body_is_met_within_2_mm_on_average(name):
     shape = panda_shapes()[name]
-    hull = convex_hull(get_mesh("left finger" if name == "finger" else name).vertices)
+    hull = convex_hull(mesh_vertices("left finger" if name == "finger" else name))
     points = spread_points(shape.box, 8000, np.random.default_rng(1))
     true = exact_distance(hull, points)
     d, slope = evaluate(shape.weights, shape.box, points)
@@ -135,13 +119,13 @@ def test_what_is_refused(field):
 
 
 @pytest.fixture(scope="module")
-def saved(_cache, tmp_path_factory):
-    shapes = {name: fit_shape(get_mesh(body).vertices, LOW_DEGREE) for name, body in _meshes().items()}
+def saved(tmp_path_factory):
+    shapes = {name: fit_shape(mesh_vertices(body), LOW_DEGREE) for name, body in _meshes().items()}
     return shapes, save_shapes(tmp_path_factory.mktemp("rdf") / "field.npz", shapes)
 
 
 def _meshes():
-    return {rdf_module.shape_of(body): body for body in BODIES}
+    return {mesh_of(body): body for body in BODIES}
 
 
 def test_a_file_holds_what_was_fitted(saved):

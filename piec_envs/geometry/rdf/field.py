@@ -14,22 +14,17 @@ from functools import lru_cache
 import numpy as np
 
 from piec_envs.cache import cache_folder
-from piec_envs.errors import DistanceFieldError, InvalidParameterError, InvalidStateError, as_count, check_name
+from piec_envs.errors import DistanceFieldError, InvalidParameterError, InvalidStateError, as_count
 from piec_envs.geometry.rdf.file import load_shapes, save_shapes
 from piec_envs.geometry.rdf.fit import fit_shape
 from piec_envs.geometry.rdf.kernels import PackedRdf, answer_rdf
 from piec_envs.geometry.rdf.shape import FittedShape, binomials
 from piec_envs.parallel import run_rows
-from piec_envs.world.robots.panda import BODIES, SHA_256, body_frames, get_mesh
+from piec_envs.world.robots.panda import BODIES, SHA_256, body_frames, mesh_of, mesh_vertices
 
 DEGREE = 16
 DEGREES = range(4, 25)
 MOVING = BODIES[1:]  # the base does not move
-
-
-def shape_of(body: str) -> str:
-    """The shape that a body has: both fingers are alike."""
-    return "finger" if body.endswith("finger") else body
 
 
 def pack_rdf(shapes: Mapping[str, FittedShape], bodies: Sequence[str] = MOVING) -> PackedRdf:
@@ -41,10 +36,11 @@ def pack_rdf(shapes: Mapping[str, FittedShape], bodies: Sequence[str] = MOVING) 
 
     Raises:
         UnknownNameError: if the Panda has no such body.
+        InvalidParameterError: if there is none.
     """
-    for body in bodies:
-        check_name("body of the Panda", body, BODIES)
-    names = list(dict.fromkeys(map(shape_of, bodies)))
+    if not bodies:
+        raise InvalidParameterError(f"at least one body is needed, of {', '.join(BODIES)}")
+    names = list(dict.fromkeys(map(mesh_of, bodies)))
     fitted = [shapes[name] for name in names]
     boxes = {key: np.array([getattr(shape.box, key) for shape in fitted]) for key in fitted[0].box._fields}
     return PackedRdf(
@@ -52,7 +48,7 @@ def pack_rdf(shapes: Mapping[str, FittedShape], bodies: Sequence[str] = MOVING) 
         binomials=binomials(len(fitted[0].weights) - 1),
         **boxes,
         slack=np.array([shape.slack for shape in fitted]),
-        shape=np.array([names.index(shape_of(body)) for body in bodies]),
+        shape=np.array([names.index(mesh_of(body)) for body in bodies]),
         body=np.array([BODIES.index(body) for body in bodies]),
         joints=np.array([min(BODIES.index(body), 7) for body in bodies]),
     )
@@ -114,7 +110,10 @@ class RobotDistanceField:
         return self._ask(points, q, 1)
 
     def _ask(self, points, q, level):
-        points, q = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(q, dtype=float)
+        try:
+            points, q = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(q, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InvalidStateError(f"points and q must be numbers: {error}") from error
         single = q.ndim == 1
         if single:
             points, q = points[None], q[None]
@@ -132,15 +131,17 @@ class RobotDistanceField:
 
 
 @lru_cache(maxsize=4)
-def panda_shapes(degree: int = DEGREE) -> Mapping[str, FittedShape]:
+def panda_shapes(degree: int = DEGREE, threads: int | None = None) -> Mapping[str, FittedShape]:
     """The fitted shapes of the Panda, from the cache folder or fitted now and kept there if it can be written.
 
     Args:
         degree: of the polynomials.
+        threads: of the fit; None takes all cores.
 
     Raises:
         InvalidParameterError: if the degree is not one of `DEGREES`.
-        MissingDependencyError: if the package that brings the meshes is not installed.
+        MissingDependencyError: if they must be fitted and the package that brings the meshes is not installed.
+        MeshError: if they must be fitted and a mesh is not the expected one.
     """
     degree = as_count("degree", degree)
     if degree not in DEGREES:
@@ -150,8 +151,8 @@ def panda_shapes(degree: int = DEGREE) -> Mapping[str, FittedShape]:
     if path:
         with suppress(DistanceFieldError):
             return load_shapes(path, degree)
-    bodies = {shape_of(body): body for body in BODIES}
-    shapes = {name: fit_shape(get_mesh(bodies[name]).vertices, degree) for name in SHA_256}
+    bodies = {mesh_of(body): body for body in BODIES}
+    shapes = {name: fit_shape(mesh_vertices(bodies[name]), degree, threads) for name in SHA_256}
     if path:
         with suppress(OSError):
             save_shapes(path, shapes)
@@ -173,4 +174,4 @@ def panda_distance_field(
         UnknownNameError: if the Panda has no such body.
         MissingDependencyError: if the package that brings the meshes is not installed.
     """
-    return RobotDistanceField(panda_shapes(degree), bodies, threads)
+    return RobotDistanceField(panda_shapes(degree, threads), bodies, threads)

@@ -27,23 +27,27 @@ RIDGE = 1e-5  # of the largest singular value: keeps the coefficients below 1e9 
 TESTS = 10_000  # points on which the error is measured
 SAFETY = 2.0  # slack over the largest error measured
 SHELL = 0.2  # m from the surface, where the error is stated
-RECIPE = {"margin": MARGIN, "steep": STEEP, "least_width": LEAST_WIDTH, "density": DENSITY, "ridge": RIDGE}
+RECIPE = {
+    "margin": MARGIN, "steep": STEEP, "least_width": LEAST_WIDTH, "density": DENSITY, "ridge": RIDGE,
+    "tests": TESTS, "safety": SAFETY, "shell": SHELL,
+}  # fmt: skip
 
 
-def exact_distance(hull: Hull, points: np.ndarray) -> np.ndarray:
+def exact_distance(hull: Hull, points: np.ndarray, threads: int | None = None) -> np.ndarray:
     """Signed distance of points to a convex body, shapes (..., 3) and (...,), m."""
     rows = np.ascontiguousarray(points, dtype=float).reshape(-1, 3)
     out = np.empty(len(rows))
-    run_rows(hull_distances, len(rows), None, hull, rows, out)
+    run_rows(hull_distances, len(rows), threads, hull, rows, out)
     return out.reshape(np.shape(points)[:-1])
 
 
-def fit_shape(vertices: np.ndarray, degree: int) -> FittedShape:
+def fit_shape(vertices: np.ndarray, degree: int, threads: int | None = None) -> FittedShape:
     """Fit the polynomial of a convex body.
 
     Args:
         vertices: of which it is the hull, shape (V, 3), m.
         degree: n.
+        threads: None takes all cores.
 
     Raises:
         InvalidShapeError: if they do not span a volume.
@@ -54,10 +58,10 @@ def fit_shape(vertices: np.ndarray, degree: int) -> FittedShape:
     grid = np.stack(np.meshgrid(u, u, u, indexing="ij"), axis=-1)  # (m, m, m, 3)
     left, sizes, right = np.linalg.svd(bernstein(degree, u), full_matrices=False)
     inverse = (right.T * (sizes / (sizes**2 + (RIDGE * sizes[0]) ** 2))) @ left.T  # (n + 1, m)
-    weights = exact_distance(hull, box.from_unit(grid))
+    weights = exact_distance(hull, box.from_unit(grid), threads)
     for _ in range(3):  # contract the first axis, and turn the next one to the front
         weights = np.tensordot(weights, inverse, axes=(0, 1))
-    return FittedShape(np.ascontiguousarray(weights), box, *_errors(hull, box, weights))
+    return FittedShape(np.ascontiguousarray(weights), box, *_errors(hull, box, weights, threads))
 
 
 def spread_points(box: Box, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -66,10 +70,10 @@ def spread_points(box: Box, count: int, rng: np.random.Generator) -> np.ndarray:
     return box.centre + rng.uniform(-1, 1, (count, 3)) * half
 
 
-def _errors(hull: Hull, box: Box, weights: np.ndarray) -> tuple[float, dict[str, float]]:
+def _errors(hull: Hull, box: Box, weights: np.ndarray, threads: int | None) -> tuple[float, dict[str, float]]:
     """Slack, m, and mean errors of a fit, m."""
     points = spread_points(box, TESTS, np.random.default_rng(0))
-    true = exact_distance(hull, points)
+    true = exact_distance(hull, points, threads)
     x, y, z = bernstein(len(weights) - 1, box.to_unit(points).T)
     error = np.abs(contract(weights, (x, y, z)) - true)
     shell = {"outside": (true > 0) & (true <= SHELL), "inside": true <= 0}

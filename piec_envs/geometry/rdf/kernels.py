@@ -4,8 +4,8 @@ A body's polynomial lives on its box: u = 1/2 + asinh((x - c) / w) / (2 e) per a
 and is steep at the body, so that a low degree resolves its edges. Beyond the box the distance to the
 box is added to the value at its nearest point.
 
-Every distance is at least that to the body's bounding box minus `slack`, the largest error of the
-fit with a margin. Bodies are asked in the order of that bound, until it exceeds the least distance.
+A distance is taken to be at least that to the body's bounding box minus `slack`, which is twice the largest
+error of the fit on many points. Bodies are asked in the order of that bound, until it exceeds the least distance.
 """
 
 from __future__ import annotations

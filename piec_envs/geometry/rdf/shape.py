@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.world.robots.panda import BODIES, body_frames
+from piec_envs.world.robots.panda import BODIES, body_frames, mesh_of
 
 MARGIN = 0.21  # m, from the body's bounding box to that of its polynomial
 STEEP, LEAST_WIDTH = 0.4, 0.008  # width of the steep part of u: share of the body's half extent, least m
@@ -40,7 +40,7 @@ class FittedShape:
     Args:
         weights: Bernstein coefficients, shape (n + 1, n + 1, n + 1), m.
         box: where it holds.
-        slack: bound on its error in the box, m.
+        slack: estimate of its largest error in the box, on the safe side, m.
         error: mean absolute error within 0.2 m of the surface, "outside" and "inside", m.
     """
 
@@ -122,7 +122,7 @@ def arm_reference(
     """
     frames, found = body_frames(q), []
     for body in bodies:
-        pose, shape = frames[BODIES.index(body)], shapes["finger" if body.endswith("finger") else body]
+        pose, shape = frames[BODIES.index(body)], shapes[mesh_of(body)]
         d, local = evaluate(shape.weights, shape.box, (points - pose[:3, 3]) @ pose[:3, :3])
         n = local @ pose[:3, :3].T  # (k, 3)
         turn = np.zeros((len(points), 7))

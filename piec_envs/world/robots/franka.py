@@ -20,7 +20,7 @@ from piec_envs.world.robots.panda import (
     PACKAGE,
     UPPER,
     body_frames,
-    get_mesh,
+    mesh_vertices,
 )
 from piec_envs.world.robots.robot import Joint, Link, Robot
 from piec_envs.world.sections import cross_section
@@ -114,7 +114,7 @@ def franka() -> Robot:
 def _solid(body: str, frame: int) -> np.ndarray:
     """Corners of a body's mesh in a planar frame, shape (V, 3), m."""
     pose = np.linalg.inv(planar_frames()[frame]) @ body_frames(POSTURE)[BODIES.index(body)]
-    return get_mesh(body).vertices @ pose[:3, :3].T + pose[:3, 3]
+    return mesh_vertices(body) @ pose[:3, :3].T + pose[:3, 3]
 
 
 def franka_capsules() -> Robot:

@@ -10,7 +10,6 @@ import hashlib
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -54,11 +53,14 @@ EFFORT = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # Nm
 BODIES = (*(f"link{i}" for i in range(8)), "hand", "left finger", "right finger")
 
 
-class Mesh(NamedTuple):
-    """A convex surface of triangles."""
+def mesh_of(body: str) -> str:
+    """Name of a body's mesh: both fingers share one.
 
-    vertices: np.ndarray  # (V, 3) m, in the frame of the body
-    faces: np.ndarray  # (F, 3) int64, rows of vertices, counter-clockwise from outside
+    Raises:
+        UnknownNameError: if the Panda has no such body.
+    """
+    check_name("body of the Panda", body, BODIES)
+    return "finger" if body.endswith("finger") else body
 
 
 def _transform(a, alpha, d, theta) -> np.ndarray:
@@ -105,19 +107,21 @@ def mesh_folder() -> Path:
 
 
 @cache
-def get_mesh(body: str) -> Mesh:
-    """The collision mesh of a body, a convex hull.
+def mesh_vertices(body: str) -> np.ndarray:
+    """Corners of the collision mesh of a body, a convex hull.
 
     Args:
         body: one of `BODIES`.
+
+    Returns:
+        Points in the frame of the body, each once, shape (V, 3), m.
 
     Raises:
         UnknownNameError: for another name.
         MissingDependencyError: if the package that brings the meshes is not installed.
         MeshError: if its file is missing, or not the one that this suite was made with.
     """
-    check_name("body of the Panda", body, BODIES)
-    name = "finger" if body.endswith("finger") else body
+    name = mesh_of(body)
     path = mesh_folder() / f"{name}.stl"
     try:
         data = path.read_bytes()
@@ -132,9 +136,8 @@ def get_mesh(body: str) -> Mesh:
     return _read_stl(data)
 
 
-def _read_stl(data: bytes) -> Mesh:
-    """A binary STL file, corners at the same place made one."""
+def _read_stl(data: bytes) -> np.ndarray:
+    """The different corners of a binary STL file, shape (V, 3)."""
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
     corners = np.frombuffer(data, layout, offset=84)["corners"].reshape(-1, 3).astype(float)  # (3 F, 3)
-    vertices, rows = np.unique(corners, axis=0, return_inverse=True)
-    return Mesh(vertices, rows.reshape(-1, 3))
+    return np.unique(corners, axis=0)

@@ -102,7 +102,8 @@ class Robot:
     def straight(self) -> np.ndarray:
         """Where each turning joint but the first lines up the segments before and after it, 0 elsewhere, shape (n,).
 
-        Segments go from joint to joint and on to the tip; of equal angles the one nearest to the limits is taken.
+        Segments go from joint to joint and on to the tip; of equal angles the one nearest to the middle of
+        the limits is taken.
         """
         straight = np.zeros(self.dof)
         for j in range(self.base_dof + 1, self.dof):
