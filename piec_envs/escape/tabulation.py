@@ -5,8 +5,8 @@ the point turned by -q_1 and on the inner joints alone. The table holds the exce
 straight way, which is 0 wherever nothing is in the way, and is read multi-linearly.
 
 T jumps at the edge of the wall, and points just outside lie in cells with nodes inside it. So the wall's
-nodes hold the continuation of the free field instead: the arrival times of the front that enters from
-outside at the speed that the law of free space has there.
+nodes hold the continuation of the free field on their own side of it instead: the arrival times of a front that
+enters the wall at the speed that the law of free space has there.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT
 from piec_envs.escape.disc import Disc, make_disc, make_scratch, place_robot, solve_disc
+from piec_envs.escape.marching import sort_by_time
 from piec_envs.escape.speed import SpeedModel, slowness
 from piec_envs.escape.sweeping import FAR
 from piec_envs.geometry.kinematics import base_gradient, link_frames
@@ -45,35 +46,60 @@ def fine_disc(radius: float, u_bar: float, resolution: int) -> Disc:
     return make_disc(radius, u_bar, STRIDE * (resolution - 1) + 1)
 
 
+@kernel
+def _from_neighbours(a, b, f):
+    """T of a node from the lesser neighbour a along one axis and b along the other, f being its cost, all s."""
+    gap = abs(a - b)
+    return min(a, b) + f if gap >= f else 0.5 * (a + b + np.sqrt(2.0 * f * f - gap * gap))
+
+
+@kernel
+def _farther(time, distance, n, step):
+    """T of the neighbour of node n along one axis that is farther from the robot than n; FAR if none is."""
+    m = n - step if distance[n - step] > distance[n + step] else n + step
+    return time[m] if distance[m] > distance[n] else FAR
+
+
 @batch_kernel
 def _continue_into_wall(speed, disc, scratch):
     """Replace T at the nodes inside the wall by the continuation of the free field.
 
+    Going deeper, each node is reached from the neighbours that are farther from the robot, so that the two sides of
+    a wall do not mix. Nodes without such neighbours, in pockets, take the least way from any.
+
     Args:
         speed: (`PackedSpeed`, the same without a wall).
         disc: a `Disc`.
-        scratch: a `Scratch` after `solve_disc`; `time` is changed, `orders` and `cost` are overwritten.
+        scratch: a `Scratch` after `solve_disc`; `time` is changed, all else is overwritten.
     """
-    (walled, free), width = speed, disc.axis.shape[0]
-    time, nodes, count = scratch.time.ravel(), scratch.orders[0], 0
-    for k in range(disc.inside):
+    (walled, free), width, m = speed, disc.axis.shape[0], disc.inside
+    time, distance, depth = scratch.time.ravel(), scratch.distance.ravel(), scratch.work[0, :m]
+    for k in range(m):
+        depth[k] = max(0.0, walled.d0 - scratch.near[k])
         if scratch.near[k] <= walled.d0:
-            nodes[count] = k
-            count += 1
             scratch.cost[k] = slowness(free, scratch.near[k]) * disc.h
             time[disc.node[k]] = FAR
-    changed, forwards = count > 0, True
+    sort_by_time(depth, scratch.keys[:m], scratch.orders[0, :m], scratch.orders[1, :m])
+    left = 0
+    for i in range(m):
+        k = scratch.orders[0, i]
+        n = disc.node[k]
+        if scratch.near[k] <= walled.d0:
+            a, b = _farther(time, distance, n, 1), _farther(time, distance, n, width)
+            time[n] = min(_from_neighbours(a, b, scratch.cost[k]), FAR)
+            if time[n] >= FAR:
+                scratch.orders[1, left] = k
+                left += 1
+    changed = left > 0
     while changed:
         changed = False
-        for m in range(count):
-            k = nodes[m if forwards else count - 1 - m]
-            n, f = disc.node[k], scratch.cost[k]
+        for i in range(left):
+            k = scratch.orders[1, i]
+            n = disc.node[k]
             a, b = min(time[n - 1], time[n + 1]), min(time[n - width], time[n + width])
-            gap = abs(a - b)
-            t = min(a, b) + f if gap >= f else 0.5 * (a + b + np.sqrt(2.0 * f * f - gap * gap))
+            t = _from_neighbours(a, b, scratch.cost[k])
             if t < time[n]:
                 time[n], changed = t, True
-        forwards = not forwards
 
 
 @batch_kernel
