@@ -49,16 +49,6 @@ STUDIES = {
             "which postures enclose an object, by CMA-ES and SQP (paper, section 4.6)",
         ),
         Study(
-            "franka-fields",
-            "evaluation.studies.franka_fields",
-            "how good the escape fields of the Franka are (paper, appendix C)",
-        ),
-        Study(
-            "franka-caging",
-            "evaluation.studies.franka_caging",
-            "how well the whole arm of a Franka encloses everyday objects (paper, section 7.1)",
-        ),
-        Study(
             "planar-objectives",
             "evaluation.studies.planar_objectives",
             "what the three objectives make the arm do (paper, section 5.5)",
@@ -92,6 +82,16 @@ STUDIES = {
             "planar-robustness",
             "evaluation.studies.planar_robustness",
             "all perturbations in one table: contact models and displacements (paper, section 6)",
+        ),
+        Study(
+            "franka-fields",
+            "evaluation.studies.franka_fields",
+            "how good the escape fields of the Franka are (paper, appendix C)",
+        ),
+        Study(
+            "franka-caging",
+            "evaluation.studies.franka_caging",
+            "how well the whole arm of a Franka encloses everyday objects (paper, section 7.1)",
         ),
     )
 }
