@@ -36,19 +36,27 @@ def random_weights():
     return random_weights_of
 
 
-SLIDING = {"sliding_arm": "planar_arm", "sliding_capsules": "franka_capsules"}
+SLIDING = {"sliding_arm": "planar_arm", "sliding_capsules": "franka_capsules", "turned_capsules": "franka_capsules"}
 
 
 def _sliding(name):
-    """One of the SLIDING robots: the arm that it names on a base that slides along x and y."""
+    """One of the SLIDING robots: the arm that it names on a base that slides along x and y.
+
+    With "turned" the second slide and the first turning joint stand at an angle, and that joint turns clockwise.
+    """
     arm = get_robot(SLIDING[name])
+    turned = name.startswith("turned")
     base = tuple(
-        Joint(f"base {name}", (0.0, 0.0, 0.0), axis, -2.0, 2.0, 0.05, 0.01, 500.0, 60.0, 0.1, 20.0)
+        Joint(f"base {name}", (0.0, 0.0, 0.3 * turned * axis[1]), axis, -2.0, 2.0, 0.05, 0.01, 500.0, 60.0, 0.1, 20.0)
         for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
     )
     links = tuple(dataclasses.replace(link, frame=link.frame + 2) for link in arm.links)
     home = np.concatenate([np.zeros(2), arm.home])
-    return dataclasses.replace(arm, name=name, joints=base + arm.joints, links=links, home=home)
+    joints = arm.joints
+    if turned:
+        first = dataclasses.replace(joints[0], origin=(0.0, 0.0, 0.4), axis=(0.0, 0.0, -1.0))
+        joints = (first, *joints[1:])
+    return dataclasses.replace(arm, name=name, joints=base + joints, links=links, home=home)
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def test_pressing_into_the_wall_does_not_pay_as_a_cage_does(field):
     assert np.percentile(rise, 99) < 10 / U_BAR < 0.8 * np.median(wall)
 
 
-@pytest.mark.parametrize("any_robot", [ROBOT, "sliding_capsules"], indirect=True)
+@pytest.mark.parametrize("any_robot", [ROBOT, "sliding_capsules", "turned_capsules"], indirect=True)
 def test_gradients_are_finite_differences(any_robot):
     field, h = TableField(any_robot, resolution=33, spacing=0.3), 1e-7
     points, q = sample("curled", 100, 2, any_robot)
@@ -91,9 +91,11 @@ def test_gradients_point_as_the_exact_ones_do(field):
     for a, b in zip(found[1:], true[1:], strict=True):
         cosine = (a * b).sum(-1) / np.maximum(np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-12)
         assert np.median(cosine[felt]) > 0.99
+        length = np.linalg.norm(a, axis=-1) / np.maximum(np.linalg.norm(b, axis=-1), 1e-12)
+        assert 0.9 < np.median(length[felt]) < 1.35  # a coarse table's slopes are steep
 
 
-@pytest.mark.parametrize("any_robot", [ROBOT, "sliding_capsules"], indirect=True)
+@pytest.mark.parametrize("any_robot", [ROBOT, "sliding_capsules", "turned_capsules"], indirect=True)
 def test_rows_do_not_depend_on_each_other(any_robot):
     one, many = (TableField(any_robot, resolution=33, spacing=0.3, threads=threads) for threads in (1, 3))
     points, q = sample("curled", 7, 3, any_robot)
@@ -101,6 +103,15 @@ def test_rows_do_not_depend_on_each_other(any_robot):
     for row in range(len(q)):
         for a, b, c in zip(batch, split, one.gradients(points[row], q[row]), strict=True):
             assert (a[row] == c).all() and (b[row] == c).all()
+
+
+@pytest.mark.parametrize("any_robot", ["sliding_capsules", "turned_capsules"], indirect=True)
+def test_it_is_the_grid_of_the_same_robot(any_robot):
+    points, q = sample("curled", 20, 10, any_robot)
+    found, true = (make(any_robot, 65).query(points, q) for make in (TableField, GridField))
+    clear = (true > 0) & (robot_distance(any_robot, points, q) > 0.05)
+    error = np.abs(found - true)[clear] / true[clear]
+    assert clear.sum() > 100 and np.median(error) < 0.01 and error.mean() < 0.03
 
 
 def test_turning_the_arm_and_the_points_changes_nothing(field):
