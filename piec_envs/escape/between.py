@@ -187,3 +187,21 @@ def value(field, x, y):
     norm = np.hypot(e_x, e_y)
     scale = 1.0 / norm if norm > 0.0 else 0.0
     return max(t, (field.radius - r) / field.speed.u_bar), e_x * scale, e_y * scale
+
+
+@kernel
+def point_gradient(field, x, y, t, e_x, e_y):
+    """dT/dp at a point: against the descent, of norm 1/u; 0 where T is 0 or inf.
+
+    Args:
+        field: a `Field`.
+        x, y: the point relative to the base, m.
+        t, e_x, e_y: its `value`.
+
+    Returns:
+        (g_x, g_y), s/m.
+    """
+    if not 0.0 < t < np.inf:
+        return 0.0, 0.0
+    slow = slowness(field.speed, distance_at(field, x, y))
+    return -e_x * slow, -e_y * slow

@@ -6,11 +6,11 @@ import numpy as np
 
 from piec_envs.errors import check_name
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT, BatchedField
-from piec_envs.escape.between import Field, distance_at, value
+from piec_envs.escape.between import Field, point_gradient, value
 from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
 from piec_envs.escape.paths import configuration_gradient
 from piec_envs.escape.spatial import SpatialDisc
-from piec_envs.escape.speed import SpeedModel, slowness
+from piec_envs.escape.speed import SpeedModel
 from piec_envs.geometry.kinematics import base_gradient
 from piec_envs.kernels import batch_kernel
 from piec_envs.parallel import run_rows
@@ -44,8 +44,7 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
             t, e_x, e_y = value(field, x, y)
             times[row, k] = t
             if level >= POINT_GRADIENT:
-                slow = slowness(speed, distance_at(field, x, y)) if 0.0 < t < np.inf else 0.0
-                slopes_p[row, k, 0], slopes_p[row, k, 1] = -e_x * slow, -e_y * slow
+                slopes_p[row, k] = point_gradient(field, x, y, t, e_x, e_y)
             if level >= ALL_GRADIENTS:
                 configuration_gradient(scene, base, scratch.frames, field, (x, y), slopes_q[row, k])
                 base_gradient(scene, scratch.frames, base, slopes_p[row, k, 0], slopes_p[row, k, 1], slopes_q[row, k])

@@ -10,10 +10,10 @@ import numpy as np
 
 from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT
-from piec_envs.escape.between import Field, distance_at, value
+from piec_envs.escape.between import Field, point_gradient, value
 from piec_envs.escape.disc import BAND, REACH, Disc, make_scratch, solve_measured
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
-from piec_envs.escape.speed import PackedSpeed, slowness, slowness_slope
+from piec_envs.escape.speed import PackedSpeed, slowness_slope
 from piec_envs.geometry.rdf import panda_distance_field
 from piec_envs.geometry.rdf.kernels import arm_distance, arm_slope, joint_slope, make_rdf_scratch
 from piec_envs.kernels import batch_kernel, kernel
@@ -98,8 +98,7 @@ def _answer(lo, hi, rdf, nothing, speed, disc, plan, frames, points, out):
             t, e_x, e_y = value(field, x, y)
             times[row, k] = t
             if level >= POINT_GRADIENT:
-                slow = slowness(speed, distance_at(field, x, y)) if 0.0 < t < np.inf else 0.0
-                slopes_p[row, k, 0], slopes_p[row, k, 1] = -e_x * slow, -e_y * slow
+                slopes_p[row, k] = point_gradient(field, x, y, t, e_x, e_y)
             if level >= ALL_GRADIENTS:
                 count = trace(field, x, y, path)
                 _along_path(rdf, frames[row], speed, path[:count], work, slopes_q[row, k])

@@ -110,6 +110,7 @@ class TableField(BatchedField):
         disc = fine_disc(robot.workspace_radius, self.u_bar, self.resolution)
 
         def solve() -> np.ndarray:
+            """Make the table, and say so if it takes long."""
             with notice(f"solving the escape table of {self.robot_name} (first use only)"):
                 return tabulate(self._scene, self.speed, disc, axes, self.threads)
 
