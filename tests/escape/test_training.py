@@ -241,15 +241,17 @@ def test_lines_in_free_space_take_their_length_over_the_speed(paths):
     assert (paths.field.query(ends[:, 2:], q) == 0).all()
 
 
-def test_lines_among_the_links_take_the_integral_of_the_slowness(paths):
+@pytest.mark.parametrize("speed", [SpeedModel(), SpeedModel(s=8.0, tau=0.2), SpeedModel(s=0.0)], ids=str)
+def test_lines_among_the_links_take_the_integral_of_the_slowness(speed, random_weights):
+    paths = Paths(ARM, NetworkField(ARM, random_weights(speed=speed), threads=1), tiny("pinn"))
     rng = np.random.default_rng(1)
     q, points = sampling.training_set(ARM, 40, 1, rng)
     directions = even_directions(rng, 40, 3)
-    ends, times = paths.lines(q, points[:, 0], directions, [0.3])
+    ends, times = paths.lines(q, points[:, 0], directions, [0.7])
     share = (np.arange(4000) + 0.5) / 4000
     along = points[:, :, None] + share[:, None] * (ends - points)[:, :, None]  # (40, 3, 4000, 2)
     distance = robot_distance(ARM, along.reshape(40, -1, 2), q).reshape(40, 3, -1)
-    true = np.linalg.norm(ends - points, axis=-1) * (1 / SpeedModel().speed(distance)).mean(axis=-1)
+    true = np.linalg.norm(ends - points, axis=-1) * (1 / speed.speed(distance)).mean(axis=-1)
     np.testing.assert_allclose(times, true, rtol=0.06)  # where a line grazes the wall, steps of 2 mm count
     assert np.median(np.abs(times / true - 1)) < 0.003
 

@@ -20,10 +20,11 @@ from evaluation.figures.scenes import keyframe_steps, strip_steps
 from evaluation.metrics import Interval
 from evaluation.studies.annulus import Annulus
 from evaluation.tables import Estimate
-from piec_envs.errors import InvalidParameterError, MissingDependencyError
+from piec_envs.errors import InvalidParameterError, MissingDependencyError, RenderingError
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.obstacle import ObstacleField
 from piec_envs.escape.speed import SpeedModel
+from piec_envs.rendering.space import SpaceFrames
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
@@ -258,3 +259,19 @@ def test_importing_loads_no_matplotlib_and_drawing_no_pyplot(tmp_path):
     command = [sys.executable, "-c", code, str(tmp_path / "curve.png")]
     result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     assert result.stdout.split() == ["False", "False"]
+
+
+def test_postures_without_opengl_are_drawn_in_the_plane_alone(tmp_path, monkeypatch):
+    def no_opengl(*args, **kwargs):
+        raise RenderingError("no OpenGL here")
+
+    panel = figures.PosturePanel(
+        "franka_capsules", "water_jug", np.array([0.1, 0.3, 0.0]), np.array([0.3, -2.0, 1.5]), "jug"
+    )
+    monkeypatch.setattr(SpaceFrames, "scene", no_opengl)
+    with pytest.warns(UserWarning, match="in the plane alone: no OpenGL here"):
+        flat = figures.posture_scenes([panel], tmp_path / "flat.png")
+    monkeypatch.setattr(SpaceFrames, "scene", lambda *args, **kwargs: np.zeros((72, 72, 3), dtype=np.uint8))
+    both = figures.posture_scenes([panel], tmp_path / "both.png")
+    flat_height, both_height = (imageio.imread(path).shape[0] for path in (flat, both))
+    assert both_height > 1.5 * flat_height

@@ -18,7 +18,7 @@ from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 CHUNK = 8192  # points whose candidates are in memory together
-FREE = 0.35  # m from the robot, where it slows nothing down by more than 1e-5
+FREE = 12.0  # widths 1/s of the sigmoid beyond its middle, where the robot slows nothing down by more than 1e-5
 LEAST_STEP = 0.002  # m, with which a line crosses the edge of the wall, where the slowness jumps
 BEYOND = 1e-9  # m, by which a line that leads out ends outside the circle, where T = 0
 
@@ -38,11 +38,11 @@ def _add_time(robot, speed, placed, start, direction, reach, step):
     same reason one step leads from a free point to the next that may not be free.
     """
     vertices, centres = placed
-    s, total = reach[0], 0.0
+    s, total, free = reach[0], 0.0, max(speed.d0, speed.tau + FREE / speed.s)
     while s < reach[1]:
         d = least_distance(robot, vertices, centres, start[0] + s * direction[0], start[1] + s * direction[1])
-        if d - FREE > step:
-            h = min(d - FREE, reach[1] - s)
+        if d - free > step:
+            h = min(d - free, reach[1] - s)
         else:
             h = min(max(abs(d - speed.d0), LEAST_STEP), step, reach[1] - s)
             middle = s + 0.5 * h
