@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -12,25 +13,37 @@ from gymnasium import spaces
 from piec_envs.episodes.batch import EpisodeBatch, Rollout
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.info import batch_info, row_info
-from piec_envs.episodes.observation import observation_bound, observation_layout
+from piec_envs.episodes.observation import POSITION_BOUND, observation_bound, observation_layout
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, check_name
 from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, take_row
 from piec_envs.rendering.renderer import Renderer
 
+Configure = Callable[[Mapping[str, Any]], EnvConfig]  # from an environment's keyword arguments
+
 _COST = MEASURES.index("cost")
 
 
-def make_config(task: str, options: Mapping[str, Any]) -> EnvConfig:
+def make_config(task: str, options: Mapping[str, Any], robot: str = "auto", others: Iterable[str] = ()) -> EnvConfig:
     """Validate keyword arguments.
+
+    Args:
+        task: row of the table of tasks.
+        options: the keyword arguments.
+        robot: row of the table of robots; "auto" is the task's.
+        others: names of further keyword arguments of the environment, for the message.
 
     Raises:
         UnknownNameError: for a keyword that does not exist.
     """
     for name in options:
-        check_name("keyword argument", name, [*EnvConfig.field_names(), "dtype", "render_mode", "renderer"])
-    return EnvConfig(task, **options)
+        check_name("keyword argument", name, [*others, *EnvConfig.field_names(), "dtype", "render_mode", "renderer"])
+    return EnvConfig(task, robot=robot, **options)
+
+
+planar_arm_push: Configure = partial(make_config, "planar_arm_push")
+planar_arm_track: Configure = partial(make_config, "planar_arm_track")
 
 
 class Interface:
@@ -52,7 +65,7 @@ class Interface:
         bound = observation_bound(batch.robot, batch.tracking).astype(self.dtype)
         self.observation_space: spaces.Space = spaces.Box(-bound, bound, dtype=self.dtype)
         if self.mode:
-            where = np.full(2, bound[self.layout["object"]][0])
+            where = np.full(2, POSITION_BOUND, dtype=self.dtype)
             goal = spaces.Box(-where, where, dtype=self.dtype)
             self.observation_space = spaces.Dict(
                 observation=self.observation_space, achieved_goal=goal, desired_goal=goal
@@ -64,7 +77,8 @@ class Interface:
         flat = self.batch.observe().astype(self.dtype, copy=False)
         if not self.mode:
             return flat
-        achieved = flat[:, self.layout["object"]][:, :2].copy()
+        place = self.batch.state.pose[:, :2].clip(-POSITION_BOUND, POSITION_BOUND)
+        achieved = place.astype(self.dtype)
         desired = np.repeat(self.batch.task.goal[None].astype(self.dtype), len(flat), axis=0)
         return {"observation": flat, "achieved_goal": achieved, "desired_goal": desired}
 
@@ -92,27 +106,39 @@ class Interface:
 
 
 def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls: np.ndarray | None) -> Rollout:
-    """Roll out joint paths or controls; see `PlanarArmEnv.rollout`."""
+    """Roll out joint paths or controls; see `MotionEnv.rollout`."""
     values = path if controls is None else controls
     if values is None or (path is not None and controls is not None):
         raise InvalidParameterError("rollout takes either path or controls")
     return batch.rollout(state, values, absolute=controls is None)
 
 
-class PlanarArmEnv(gym.Env):
-    """Base class of the single environments of the planar arm; see the subclasses."""
+class MotionEnv(gym.Env):
+    """Base class of the single environments of motion; see the subclasses.
+
+    Args:
+        configure: makes the configuration of the other arguments.
+        dtype: "float64" or "float32", of the observations.
+        render_mode: None or "rgb_array".
+        renderer: "drawing" (the plane, in software) or "mujoco" (in space, through OpenGL).
+        options: the other arguments.
+    """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  Gymnasium declares it so
         "render_modes": list(RENDER_MODES),
         "render_fps": 10,
     }
-    task_name: ClassVar[str]
 
     def __init__(
-        self, dtype: str = "float64", render_mode: str | None = None, renderer: str = "drawing", **options: Any
+        self,
+        configure: Configure,
+        /,
+        dtype: str = "float64",
+        render_mode: str | None = None,
+        renderer: str = "drawing",
+        **options: Any,
     ):
-        config = make_config(self.task_name, options)
-        self._batch = EpisodeBatch(config, rows=1)
+        self._batch = EpisodeBatch(configure(options), rows=1)
         self._interface = Interface(self._batch, dtype, render_mode)
         self.render_mode, self._renderer = render_mode, Renderer(renderer)
         self.observation_space = self._interface.observation_space
@@ -205,7 +231,7 @@ class PlanarArmEnv(gym.Env):
         return take_row(self._interface.observe()), row_info(self._interface.info())
 
 
-class PlanarArmPushEnv(PlanarArmEnv):
+class PlanarArmPushEnv(MotionEnv):
     """Push an object into a goal region with the whole planar 4-DOF arm (paper section 5.5).
 
     **Action.** Box(-1, 1, (4,)): commanded joint velocities over 0.05 rad/s. The command moves by
@@ -236,10 +262,11 @@ class PlanarArmPushEnv(PlanarArmEnv):
     **Version history.** v0: first version.
     """
 
-    task_name = "push"
+    def __init__(self, **options: Any):
+        super().__init__(planar_arm_push, **options)
 
 
-class PlanarArmTrackEnv(PlanarArmEnv):
+class PlanarArmTrackEnv(MotionEnv):
     """Move an object along an arc around the base, in time, with the whole planar 4-DOF arm.
 
     Everything is as in `PlanarArmPushEnv` but the following.
@@ -260,4 +287,5 @@ class PlanarArmTrackEnv(PlanarArmEnv):
     **Version history.** v0: first version.
     """
 
-    task_name = "track"
+    def __init__(self, **options: Any):
+        super().__init__(planar_arm_track, **options)

@@ -36,6 +36,13 @@ ENVS = {
     "piec_envs/FrankaCage-v0": Entry(
         "piec_envs.franka_env:FrankaCageEnv", "piec_envs.franka_env:FrankaCageVectorEnv", None
     ),
+    "piec_envs/FrankaPush-v0": Entry("piec_envs.franka_env:FrankaPushEnv", "piec_envs.franka_env:FrankaPushVectorEnv"),
+    "piec_envs/MobileFrankaPush-v0": Entry(
+        "piec_envs.franka_env:MobileFrankaPushEnv", "piec_envs.franka_env:MobileFrankaPushVectorEnv"
+    ),
+    "piec_envs/MobileFrankaTrack-v0": Entry(
+        "piec_envs.franka_env:MobileFrankaTrackEnv", "piec_envs.franka_env:MobileFrankaTrackVectorEnv"
+    ),
 }
 MOTIONS = tuple(env_id for env_id, entry in ENVS.items() if entry.max_episode_steps)  # what plans are made for
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from piec_envs.env import Interface, make_config, rollout
+from piec_envs.env import Configure, Interface, planar_arm_push, planar_arm_track, rollout
 from piec_envs.episodes.batch import EpisodeBatch, Rollout
 from piec_envs.episodes.info import with_masks
 from piec_envs.episodes.state import State
@@ -17,23 +17,24 @@ from piec_envs.native_vector import NativeVectorEnv
 from piec_envs.rendering.renderer import Renderer
 
 
-class PlanarArmVectorEnv(NativeVectorEnv):
+class MotionVectorEnv(NativeVectorEnv):
     """B rows of one environment; for a whole-number seed, row i is bit-equal to the single env with seed + i.
 
     Args:
+        configure: makes the configuration of the other arguments.
         num_envs: B.
         max_episode_steps: steps after which a row is truncated.
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
         renderer: "drawing", or "mujoco" for frames in space.
-        options: the arguments of `EnvConfig`.
+        options: the other arguments of the single environment.
     """
-
-    task_name: ClassVar[str]
 
     def __init__(
         self,
+        configure: Configure,
+        /,
         num_envs: int = 1,
         max_episode_steps: int = 1000,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -43,7 +44,7 @@ class PlanarArmVectorEnv(NativeVectorEnv):
         **options: Any,
     ):
         rows, steps = as_count("num_envs", num_envs), as_count("max_episode_steps", max_episode_steps)
-        self._batch = EpisodeBatch(make_config(self.task_name, options), rows)
+        self._batch = EpisodeBatch(configure(options), rows)
         self._renderer = Renderer(renderer)
         interface = Interface(self._batch, dtype, render_mode)
         super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
@@ -71,7 +72,7 @@ class PlanarArmVectorEnv(NativeVectorEnv):
         return self._interface.observe(), with_masks(self._interface.info(), np.ones(self.num_envs, dtype=bool))
 
     def rollout(self, state: State, path: np.ndarray | None = None, controls: np.ndarray | None = None) -> Rollout:
-        """Simulate trajectories from a state; as `PlanarArmEnv.rollout`."""
+        """Simulate trajectories from a state; as `MotionEnv.rollout`."""
         return rollout(self._batch, state, path, controls)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -85,13 +86,25 @@ class PlanarArmVectorEnv(NativeVectorEnv):
         self._renderer.close()
 
 
-class PlanarArmPushVectorEnv(PlanarArmVectorEnv):
-    """The VectorEnv of `PlanarArmPushEnv`."""
+class PlanarArmPushVectorEnv(MotionVectorEnv):
+    """The VectorEnv of `PlanarArmPushEnv`.
 
-    task_name = "push"
+    Args:
+        num_envs: B.
+        options: the other arguments of `MotionVectorEnv`.
+    """
+
+    def __init__(self, num_envs: int = 1, **options: Any):
+        super().__init__(planar_arm_push, num_envs, **options)
 
 
-class PlanarArmTrackVectorEnv(PlanarArmVectorEnv):
-    """The VectorEnv of `PlanarArmTrackEnv`."""
+class PlanarArmTrackVectorEnv(MotionVectorEnv):
+    """The VectorEnv of `PlanarArmTrackEnv`.
 
-    task_name = "track"
+    Args:
+        num_envs: B.
+        options: the other arguments of `MotionVectorEnv`.
+    """
+
+    def __init__(self, num_envs: int = 1, **options: Any):
+        super().__init__(planar_arm_track, num_envs, **options)

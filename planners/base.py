@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.episodes.observation import observation_layout
 from piec_envs.errors import InvalidActionError, PlanError
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import ROBOTS, get_robot
@@ -122,6 +123,7 @@ class OpenLoopPolicy:
         lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
         self._middle, self._half = (upper + lower) / 2, (upper - lower) / 2
         self._step = CONTROL_PERIOD * robot.speed_limit  # (n,) largest motion of a step
+        self._layout = observation_layout(robot, tracking=False)
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
@@ -141,10 +143,12 @@ class OpenLoopPolicy:
             InvalidActionError: if the observation is too short for this robot.
         """
         flat = np.asarray(observation["observation"] if isinstance(observation, dict) else observation, dtype=float)
-        n = len(self._step)
-        if flat.shape[-1] < 4 * n + 7:
-            raise InvalidActionError(f"an observation of {n} joints has at least {4 * n + 7} entries, got {flat.shape}")
-        command = flat[..., 3 * n : 4 * n] * self._half + self._middle
+        least = self._layout["time"].stop
+        if flat.shape[-1] < least:
+            raise InvalidActionError(
+                f"an observation of {self.plan.robot!r} has at least {least} entries, got {flat.shape}"
+            )
+        command = flat[..., self._layout["q_cmd"]] * self._half + self._middle
         now = np.rint(flat[..., -1] * self.plan.horizon).astype(int)
         target = self.plan.path[np.minimum(now + 1, len(self.plan.path) - 1)]
         return np.clip((target - command) / self._step, -1.0, 1.0), state

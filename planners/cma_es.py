@@ -43,7 +43,8 @@ class CmaEsPlanner:
         via_points: number of via points.
         sigma: first step size, rad or m.
         start: first guess: "rest" stays at the start configuration, "enclose" moves to a posture
-            that encloses the object at the goal, curled one way and the other in turn.
+            that encloses the object at the goal, curled one way and the other in turn; a base that
+            slides carries the start posture there, or along the reference, instead.
         arrive: share of the horizon after which the first guess has reached that posture.
         escape_field: name of the field that the planner optimises, or its options with a "name"; "auto"
             is the robot's best.
@@ -208,10 +209,22 @@ class _Search:
         home, points = self.start.q_r[0], self.planner.via_points
         if self.planner.start == "rest":
             return np.repeat(home[None], points, axis=0)
+        if self.batch.robot.base_dof:
+            return home + self._carried()
         escape = self.batch.field or choose_field(self.planner.escape_field, self.batch.robot.name)
         pose = np.append(self.batch.task.goal, 0.0)
         posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl=(-1.0) ** restart)
         return home + np.minimum(1.0, np.linspace(0, 1, points + 1)[1:, None] / self.planner.arrive) * (posture - home)
+
+    def _carried(self) -> np.ndarray:
+        """How the base moves at the via points when it carries the object to the goal, shape (points, n)."""
+        planner, task, start = self.planner, self.batch.task, self.start.pose[0, :2]
+        share = np.linspace(0, 1, planner.via_points + 1)[1:, None]  # (points, 1)
+        moved = np.zeros((planner.via_points, len(self.lower)))
+        moved[:, :2] = np.minimum(1.0, share / planner.arrive) * (task.goal - start)
+        if self.batch.tracking:
+            moved[:, :2] = task.reference[np.rint(share[:, 0] * task.horizon).astype(int)] - start
+        return moved
 
     def _limit(self, x) -> np.ndarray:
         """Candidate as via points within the joint limits; the arm rests after the last one given.

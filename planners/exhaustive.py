@@ -1,7 +1,8 @@
 """Static caging by exhaustive search, for arms of few joints: what the best posture really is.
 
-A field in a disc workspace turns with the arm, so one solve for a posture of the inner joints answers for
-every heading of the first joint: the object is turned back instead.
+A field in a disc workspace moves with the base and turns with the arm, so one solve for a posture of the
+inner joints answers for every place of the base and every heading of the first joint that turns: the object
+is moved back instead.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from piec_envs.escape.field import REDUCTIONS
 from piec_envs.world.robots import get_robot
 from planners.configuration import CmaEsConfiguration, Configuration
 
-LEAST_SPACING = 0.005  # rad
-CHUNK = 256  # inner postures at once
+LEAST_SPACING = 0.005  # rad, m
+CANDIDATES = 2**20  # postures at once, which bounds the memory
+WORTH = 0.9  # postures below this share of the best value so far are left out
 APART = 2.0  # spacings in some joint between two postures that are polished
 
 
@@ -30,7 +32,9 @@ class ExhaustiveConfiguration:
 
     Args:
         spacing: of the inner joints, rad.
-        headings: values of the first joint, evenly spaced within its limits.
+        headings: values of the first joint that turns, evenly spaced within its limits; 1 is the middle,
+            enough for a round object and a base that slides.
+        offset: of the places of a sliding base, m.
         polished: how many of the best postures CMA-ES goes on from.
         population: of that search.
         iterations: of that search.
@@ -38,6 +42,7 @@ class ExhaustiveConfiguration:
 
     spacing: float = 0.05
     headings: int = 180
+    offset: float = 0.02
     polished: int = 10
     population: int = 30
     iterations: int = 40
@@ -45,8 +50,9 @@ class ExhaustiveConfiguration:
     def __post_init__(self):
         for name, least in (("headings", 1), ("polished", 1), ("population", 2), ("iterations", 1)):
             as_count(name, getattr(self, name), least)
-        if not float(as_floats("spacing", self.spacing, (), InvalidParameterError)) >= LEAST_SPACING:
-            raise InvalidParameterError(f"spacing must be at least {LEAST_SPACING} rad, got {self.spacing}")
+        for name in ("spacing", "offset"):
+            if not float(as_floats(name, getattr(self, name), (), InvalidParameterError)) >= LEAST_SPACING:
+                raise InvalidParameterError(f"{name} must be at least {LEAST_SPACING}, got {getattr(self, name)}")
 
     def solve(
         self, problem: CagingProblem, seed: int | Sequence[int] = 0, start: np.ndarray | None = None
@@ -54,7 +60,7 @@ class ExhaustiveConfiguration:
         """Find the best posture; the same call as of the other optimisers.
 
         Args:
-            problem: with one pose, and a robot whose first joint turns about a base that stands still.
+            problem: with one pose, and a robot whose first joint that turns does so about the base.
             seed: a number, or several, that seed the polish.
             start: not needed: all postures are tried.
 
@@ -65,59 +71,79 @@ class ExhaustiveConfiguration:
         Raises:
             InvalidParameterError: for another robot, or if all postures of the grid overlap something.
         """
-        heads, inner = self._grids(problem)
-        values = np.concatenate(
-            [self._values(problem, heads, inner[i : i + CHUNK]) for i in range(0, len(inner), CHUNK)]
-        )  # (B, H)
+        outer, inner = self._grids(problem)
+        chunk = max(1, CANDIDATES // len(outer))
+        values, top = np.full((len(inner), len(outer)), -np.inf), 0.0  # (B, H), s
+        for i in range(0, len(inner), chunk):
+            values[i : i + chunk] = self._values(problem, outer, inner[i : i + chunk], WORTH * top)
+            top = max(top, float(values[i : i + chunk].max()))
         polish = CmaEsConfiguration(self.population, self.iterations, sigma=self.spacing / 2)
         if not np.isfinite(values).any():
             raise InvalidParameterError(
                 f"at pose {problem.pose.tolist()} every posture of the grid overlaps {problem.object!r} or itself"
             )
         seeds = np.atleast_1d(seed).tolist()
-        found = [polish.solve(problem, (*seeds, k), q) for k, q in enumerate(self._best(heads, inner, values))]
+        found = [polish.solve(problem, (*seeds, k), q) for k, q in enumerate(self._best(outer, inner, values))]
         best = max(found, key=lambda one: (one.feasible, one.escape_time))
         return dataclasses.replace(best, queries=len(inner) + sum(one.queries for one in found))
 
     def _grids(self, problem: CagingProblem) -> tuple[np.ndarray, np.ndarray]:
-        """Headings, shape (H,), and postures of the inner joints, shape (B, n - 1)."""
-        first = get_robot(problem.robot).joints[0]
-        if problem.pose.ndim != 1 or first.axis[2] == 0 or np.hypot(*first.origin[:2]) > 0:
+        """Places of the base with headings, shape (H, b + 1), and postures of the inner joints, (B, n - b - 1)."""
+        robot = get_robot(problem.robot)
+        b, lower, upper = robot.base_dof, problem.lower, problem.upper
+        if problem.pose.ndim != 1 or b not in (0, 2) or np.hypot(*robot.joints[b].origin[:2]) > 0:
             raise InvalidParameterError(
-                "exhaustive search needs one pose, and a robot whose first joint turns about the base; "
-                f"got poses of shape {problem.pose.shape} and {problem.robot!r}"
+                "exhaustive search needs one pose, and a robot whose first joint that turns does so about the base, "
+                f"which stands still or slides along x and y; got poses of shape {problem.pose.shape} and "
+                f"{problem.robot!r}"
             )
-        lower, upper = problem.lower, problem.upper
         counts = np.ceil((upper - lower) / self.spacing).astype(int) + 1
-        axes = [np.linspace(lower[j], upper[j], counts[j]) for j in range(1, len(lower))]
-        return np.linspace(lower[0], upper[0], self.headings), np.array(list(itertools.product(*axes)))
+        axes = [np.linspace(lower[j], upper[j], counts[j]) for j in range(b + 1, len(lower))]
+        ends = (lower[b], upper[b]) if self.headings > 1 else ((lower[b] + upper[b]) / 2,) * 2
+        heads = np.linspace(*ends, self.headings)
+        places = self._places(problem, robot.workspace_radius) if b else np.zeros((1, 0))
+        outer = np.column_stack([np.repeat(places, len(heads), axis=0), np.tile(heads, len(places))])
+        return outer, np.array(list(itertools.product(*axes)))
 
-    def _values(self, problem: CagingProblem, heads: np.ndarray, inner: np.ndarray) -> np.ndarray:
-        """Escape time of each inner posture at each heading, -inf where something overlaps, shape (B, H), s."""
-        B, H, turn = len(inner), len(heads), get_robot(problem.robot).joints[0].axis[2] * heads
-        c, s, points = np.cos(turn)[:, None], np.sin(turn)[:, None], problem.key_points  # (k, 2)
-        turned = np.stack([c * points[:, 0] + s * points[:, 1], c * points[:, 1] - s * points[:, 0]], axis=-1)
-        times = problem.field.query(np.broadcast_to(turned.reshape(-1, 2), (B, H * len(points), 2)), _join(0.0, inner))
+    def _places(self, problem: CagingProblem, radius: float) -> np.ndarray:
+        """Places of a sliding base from which the object's origin is in the workspace, shape (H, 2), m."""
+        steps = self.offset * np.arange(-int(radius / self.offset), int(radius / self.offset) + 1)
+        places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        return problem.pose[:2] + places[np.hypot(*places.T) < radius]
+
+    def _values(self, problem: CagingProblem, outer: np.ndarray, inner: np.ndarray, least: float) -> np.ndarray:
+        """Escape time of each inner posture for each outer one, shape (B, H), s.
+
+        It is -inf where something overlaps, or where it is below `least`, s.
+        """
+        B, H, (*base, head) = len(inner), len(outer), outer.T
+        turn = get_robot(problem.robot).joints[len(base)].axis[2] * head
+        points = problem.key_points - (np.column_stack(base)[:, None] if base else 0.0)  # (H or 1, k, 2)
+        c, s, x, y = np.cos(turn)[:, None], np.sin(turn)[:, None], points[..., 0], points[..., 1]
+        turned = np.stack([c * x + s * y, c * y - s * x], axis=-1)  # (H, k, 2)
+        q = np.column_stack([np.zeros((B, outer.shape[1])), inner])  # (B, n)
+        times = problem.field.query(np.broadcast_to(turned.reshape(-1, 2), (B, turned.size // 2, 2)), q)
         value = REDUCTIONS[problem.reduce](times.reshape(B, H, -1), axis=2)
-        q = np.stack([_join(head, inner) for head in heads], axis=1)  # (B, H, n)
-        phi, _ = problem.constraints(q.reshape(B * H, -1))
-        return np.where((phi >= 0).all(axis=1).reshape(B, H), value, -np.inf)
+        row, place = np.nonzero(value >= least)
+        phi, _ = problem.constraints(np.column_stack([outer[place], inner[row]]))
+        apart = (phi >= 0).all(axis=1)
+        free = np.full((B, H), -np.inf)
+        free[row[apart], place[apart]] = value[row[apart], place[apart]]
+        return free
 
-    def _best(self, heads: np.ndarray, inner: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def _best(self, outer: np.ndarray, inner: np.ndarray, values: np.ndarray) -> np.ndarray:
         """The best postures that are not beside one another, shape (m, n)."""
         kept: list[np.ndarray] = []
+        near = APART * np.where(
+            np.arange(outer.shape[1] + inner.shape[1]) < outer.shape[1] - 1, self.offset, self.spacing
+        )
         for flat in np.argsort(-values, axis=None, kind="stable"):
             if not np.isfinite(values.ravel()[flat]):
                 break
-            row, head = np.unravel_index(flat, values.shape)
-            q = np.append(heads[head], inner[row])
-            if all((np.abs(q - other) > APART * self.spacing).any() for other in kept):
+            row, place = np.unravel_index(flat, values.shape)
+            q = np.append(outer[place], inner[row])
+            if all((np.abs(q - other) > near).any() for other in kept):
                 kept.append(q)
             if len(kept) == self.polished:
                 break
         return np.array(kept)
-
-
-def _join(head: float, inner: np.ndarray) -> np.ndarray:
-    """Whole postures, shape (B, n)."""
-    return np.column_stack([np.full(len(inner), head), inner])

@@ -26,7 +26,7 @@ CURLED = [0.3, 1.6, 1.6, 1.6]
 ENCLOSING = [-0.34, 1.4, 1.96, 0.82]  # the point (0.3, 0.1)
 
 
-def episode(task="push", **options):
+def episode(task="planar_arm_push", **options):
     batch = EpisodeBatch(EnvConfig(task, **options), 1)
     batch.reset(np.array([0]), [0])
     return batch
@@ -65,7 +65,7 @@ def test_field_trail_and_reference_are_drawn():
     trail = np.column_stack([np.linspace(-0.5, 0.5, 20), np.full(20, -0.6)])
     assert not np.array_equal(plain, render_frame(episode(), 0, size=SIZE))
     assert not np.array_equal(plain, render_frame(episode(escape_field=None), 0, trail, size=SIZE))
-    assert not np.array_equal(plain, render_frame(episode("track", escape_field=None), 0, size=SIZE))
+    assert not np.array_equal(plain, render_frame(episode("planar_arm_track", escape_field=None), 0, size=SIZE))
 
 
 @pytest.mark.parametrize("name", OBJECTS)
@@ -90,7 +90,7 @@ def test_outlines_sit_on_their_frames(name):
 
 
 def test_picture_of_an_enclosed_place_is_finite_and_dark():
-    field = picture_field("planar_arm", EnvConfig("push").make_field()[0].speed)
+    field = picture_field("planar_arm", EnvConfig("planar_arm_push").make_field()[0].speed)
     field_map = field.solve(np.array(ENCLOSING))
     shown = _filled(field_map, field.speed)
     assert np.isfinite(shown).all() and shown.min() >= 0
@@ -102,7 +102,7 @@ def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
     code = (
         "import sys, numpy as np, piec_envs, piec_envs.rendering.frame; early = 'matplotlib' in sys.modules\n"
         "from piec_envs.episodes.config import EnvConfig; from piec_envs.episodes.batch import EpisodeBatch\n"
-        "batch = EpisodeBatch(EnvConfig('push'), 1); batch.reset(np.array([0]), [0])\n"
+        "batch = EpisodeBatch(EnvConfig('planar_arm_push'), 1); batch.reset(np.array([0]), [0])\n"
         "piec_envs.rendering.frame.render_frame(batch, 0, size=100)\n"
         "print(early, 'matplotlib.pyplot' in sys.modules)"
     )

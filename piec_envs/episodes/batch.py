@@ -38,7 +38,7 @@ class EpisodeBatch:
     def __init__(self, config: EnvConfig, rows: int):
         self.config = config
         self.task = config.make_task()
-        self.robot = get_robot(self.task.robot)
+        self.robot = get_robot(config.robot)
         self.weights = config.cost_weights
         self._prior = config.prior_index
         self.field, self.escape_every = config.make_field()
@@ -281,7 +281,7 @@ class EpisodeBatch:
         observation = np.empty((state.rows, self.observation_size))
         run_rows(
             observe_rows, state.rows, 1, (self.scene.lower, self.scene.upper), self.task.goal, self.task.reference,
-            self.task.horizon, state.q_r, state.q_cmd, state.pose, state.step, observation,
+            self.task.horizon, self.robot.base_dof, state.q_r, state.q_cmd, state.pose, state.step, observation,
         )  # fmt: skip
         return observation
 

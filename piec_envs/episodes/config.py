@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
 from piec_envs.dynamics.table import DynamicsOptions
+from piec_envs.episodes.start_postures import checked_start, start_posture
 from piec_envs.episodes.state import PlantParams, check_randomize
 from piec_envs.episodes.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
@@ -31,7 +32,7 @@ class EnvConfig:
         task: row of the table of tasks.
         dynamics: row of the table of dynamics: "quasi_dynamic" or "mujoco".
         solver: "fast" or "osqp", for the quasi-dynamic model.
-        object: row of the table of objects.
+        object: row of the table of objects; "auto" is the task's.
         friction: mu between arm and object.
         disturbance: sigma of the object's random displacement in each step, m.
         disturbance_kind: "gaussian" (for each axis) or "direction" (length sigma).
@@ -48,7 +49,10 @@ class EnvConfig:
         weights: changes to the preset's weights.
         noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
             then repaired), for the quasi-dynamic model.
+        start: the arm's posture at the start: joint positions in rad and m, or a name: "home" or a row of
+            the table of starts for this robot; "auto" is the table's first, or "home" where it has none.
         threads: threads of a batch; None takes all cores.
+        robot: row of the table of robots; "auto" is the task's.
 
     Raises:
         UnknownNameError: for a name in no table.
@@ -58,7 +62,7 @@ class EnvConfig:
     task: str
     dynamics: str = "quasi_dynamic"
     solver: str = "fast"
-    object: str = "circle"
+    object: str = "auto"
     friction: float = 0.5
     disturbance: float = 0.0
     disturbance_kind: str = "gaussian"
@@ -73,21 +77,28 @@ class EnvConfig:
     preset: str = "default"
     weights: Mapping[str, Any] | None = None
     noise_entry: str = "qp"
+    start: str | Sequence[float] = "auto"
     threads: int | None = None
+    robot: str = "auto"
 
     def __post_init__(self):
+        task = get_task(self.task)
+        for name, own in (("robot", task.robot), ("object", task.object)):
+            if getattr(self, name) == "auto":
+                object.__setattr__(self, name, own)
         if self.escape_field is not None:
-            object.__setattr__(self, "escape_field", resolve_field(self.escape_field, get_task(self.task).robot))
+            object.__setattr__(self, "escape_field", resolve_field(self.escape_field, self.robot))
+        object.__setattr__(self, "start", checked_start(self.start, self.robot))
         get_object(self.object)
         _ = self.params, self.cost_weights, self.contact_model
         object.__setattr__(self, "randomize", check_randomize(self.randomize))
-        for name, value, known in (
+        for argument, value, known in (
             ("solver", self.solver, SOLVERS),
             ("noise_entry", self.noise_entry, NOISE_ENTRIES),
             ("prior", self.prior, (*PRIORS, "auto", None)),
             ("goal_conditioned", self.goal_conditioned, (False, True, "dense")),
         ):
-            check_name(name, value, known)
+            check_name(argument, value, known)
         noise = as_floats("start_noise (m, rad)", self.start_noise, (2,), InvalidParameterError)
         if (noise < 0).any():
             raise InvalidParameterError(f"start_noise must be at least 0, got {self.start_noise!r}")
@@ -101,10 +112,12 @@ class EnvConfig:
         self._check_field()
 
     def _checked_goal(self) -> tuple[float, ...]:
-        radius = get_robot(get_task(self.task).robot).workspace_radius
-        goal = as_floats(f"goal, (x, y) within {radius} m of the base,", self.goal, (2,), InvalidParameterError)
-        if np.linalg.norm(goal) > radius:
-            raise InvalidParameterError(f"goal must be (x, y) within {radius} m of the base, got {self.goal!r}")
+        robot = get_robot(self.robot)
+        roam = robot.joint_array("upper")[: robot.base_dof].min(initial=np.inf)
+        reach = robot.workspace_radius if np.isinf(roam) else float(roam)
+        goal = as_floats(f"goal, (x, y) within {reach} m of the origin,", self.goal, (2,), InvalidParameterError)
+        if np.linalg.norm(goal) > reach:
+            raise InvalidParameterError(f"goal must be (x, y) within {reach} m of the origin, got {self.goal!r}")
         return tuple(goal.tolist())
 
     def _check_field(self) -> None:
@@ -126,8 +139,8 @@ class EnvConfig:
 
     @classmethod
     def field_names(cls) -> list[str]:
-        """Names of all keyword arguments but the task."""
-        return [item.name for item in dataclasses.fields(cls) if item.name != "task"]
+        """Names of all keyword arguments but the task and the robot, which an environment decides."""
+        return [item.name for item in dataclasses.fields(cls) if item.name not in ("task", "robot")]
 
     @property
     def params(self) -> PlantParams:
@@ -138,7 +151,7 @@ class EnvConfig:
     def cost_weights(self) -> CostWeights:
         """Weights of the stage cost."""
         check_name("preset", self.preset, PRESETS)
-        base = PRESETS[self.preset][self.task]
+        base = PRESETS[self.preset][get_task(self.task).kind]
         if not isinstance(self.weights, Mapping | None):
             raise InvalidParameterError(f"weights must map names to numbers, got {self.weights!r}")
         for name, value in (self.weights or {}).items():
@@ -175,9 +188,14 @@ class EnvConfig:
         task = get_task(self.task)
         return task if self.goal is None else dataclasses.replace(task, goal=np.asarray(self.goal, dtype=float))
 
+    @property
+    def posture(self) -> np.ndarray:
+        """The arm's joint positions at the start, shape (n,), rad or m."""
+        return start_posture(self.start, self.robot)
+
     def make_field(self) -> tuple[EscapeField | None, int]:
         """The escape field and the number of steps between its refreshes."""
         if self.escape_field is None:
             return None, 1
-        escape = choose_field(self.escape_field, get_task(self.task).robot, threads=self.threads)
+        escape = choose_field(self.escape_field, self.robot, threads=self.threads)
         return escape, self.escape_every or DEFAULT_ESCAPE_EVERY.get(escape.name, 1)

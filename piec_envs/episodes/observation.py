@@ -21,13 +21,13 @@ def observation_layout(robot: Robot, tracking: bool) -> dict[str, slice]:
     Returns:
         For each part its slice, in order.
     """
-    n = robot.dof
+    n, turning = robot.dof, robot.dof - robot.base_dof
     sizes = {
-        "cos_q": n,
-        "sin_q": n,
+        "cos_q": turning,
+        "sin_q": turning,
         "q_r": n,  # over the limits: -1 is the lower, 1 the upper one
         "q_cmd": n,  # likewise
-        "object": 4,  # x, y, cos, sin
+        "object": 4,  # x, y from the base, cos, sin
         "goal": 2,  # goal minus object, m
         "reference": 2 if tracking else 0,  # reference of the next step minus object, m
         "time": 1,  # step over horizon
@@ -44,7 +44,7 @@ def observation_bound(robot: Robot, tracking: bool) -> np.ndarray:
     bound = np.ones(layout["time"].stop)
     for name in ("q_r", "q_cmd"):
         bound[layout[name]] = JOINT_BOUND
-    bound[layout["object"]][:2] = POSITION_BOUND
+    bound[layout["object"]][:2] = POSITION_BOUND * (2 if robot.base_dof else 1)
     for name in ("goal", "reference"):
         if name in layout:
             bound[layout[name]] = 2 * POSITION_BOUND
@@ -52,7 +52,7 @@ def observation_bound(robot: Robot, tracking: bool) -> np.ndarray:
 
 
 @batch_kernel
-def observe_rows(lo, hi, limits, goal, reference, horizon, q_r, q_cmd, pose, step, observation):
+def observe_rows(lo, hi, limits, goal, reference, horizon, base, q_r, q_cmd, pose, step, observation):
     """Write the observations of rows lo to hi - 1.
 
     Args:
@@ -61,6 +61,7 @@ def observe_rows(lo, hi, limits, goal, reference, horizon, q_r, q_cmd, pose, ste
         goal: shape (2,), m.
         reference: shape (M, 2), m; no rows for a goal task.
         horizon: steps of an episode.
+        base: number of leading joints that slide the base along x and y, 0 or 2.
         q_r, q_cmd: shape (B, n).
         pose: shape (B, 3).
         step: shape (B,).
@@ -68,16 +69,21 @@ def observe_rows(lo, hi, limits, goal, reference, horizon, q_r, q_cmd, pose, ste
     """
     n, points = q_r.shape[1], reference.shape[0]
     for i in range(lo, hi):
-        row = observation[i]
+        row, turning = observation[i], n - base
+        for j in range(turning):
+            row[j], row[turning + j] = np.cos(q_r[i, base + j]), np.sin(q_r[i, base + j])
+        k = 2 * turning
         for j in range(n):
             middle, half = 0.5 * (limits[1][j] + limits[0][j]), 0.5 * (limits[1][j] - limits[0][j])
-            row[j], row[n + j] = np.cos(q_r[i, j]), np.sin(q_r[i, j])
-            row[2 * n + j] = min(max((q_r[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)
-            row[3 * n + j] = min(max((q_cmd[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)
+            row[k + j] = min(max((q_r[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)
+            row[k + n + j] = min(max((q_cmd[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)
         x = min(max(pose[i, 0], -POSITION_BOUND), POSITION_BOUND)
         y = min(max(pose[i, 1], -POSITION_BOUND), POSITION_BOUND)
-        k = 4 * n
+        k += 2 * n
         row[k], row[k + 1], row[k + 2], row[k + 3] = x, y, np.cos(pose[i, 2]), np.sin(pose[i, 2])
+        if base > 0:
+            row[k] -= min(max(q_r[i, 0], -POSITION_BOUND), POSITION_BOUND)
+            row[k + 1] -= min(max(q_r[i, 1], -POSITION_BOUND), POSITION_BOUND)
         row[k + 4], row[k + 5] = goal[0] - x, goal[1] - y
         k += 6
         if points > 0:

@@ -34,6 +34,7 @@ class StartSampler:
 
     def __init__(self, robot: Robot, task: Task, config: EnvConfig):
         self.robot, self.task, self.config = robot, task, config
+        self.posture = config.posture
         self._lower, self._upper = robot.joint_array("lower"), robot.joint_array("upper")
 
     def check_options(self, options: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -70,7 +71,7 @@ class StartSampler:
         """
         fresh = State.zeros(1, self.robot.dof)
         fresh.params, fresh.seed[0] = [params], seed
-        fresh.q_r[0] = fresh.q_cmd[0] = self.robot.home
+        fresh.q_r[0] = fresh.q_cmd[0] = self.posture
         if given is None:
             fresh.pose[0] = self._draw_pose(params, rng)
         else:
@@ -130,9 +131,9 @@ class StartSampler:
         pose = self.task.start.copy()
         for _ in range(DRAWS):
             pose = self.task.start + bound * rng.uniform(-1, 1, 3)
-            if self._overlap(params.object, self.robot.home, pose) <= 0 or not bound.any():
+            if self._overlap(params.object, self.posture, pose) <= 0 or not bound.any():
                 break
-        if self._overlap(params.object, self.robot.home, pose) > 0:
+        if self._overlap(params.object, self.posture, pose) > 0:
             pose = self._least_overlap(params.object, pose)
         return pose
 
@@ -145,5 +146,5 @@ class StartSampler:
             if x * x + y * y <= 1
         ]
         moves.sort(key=lambda move: float(np.abs(move).sum()))  # of equal overlaps, the least move
-        overlaps = [max(0.0, self._overlap(object_name, self.robot.home, pose + move)) for move in moves]
+        overlaps = [max(0.0, self._overlap(object_name, self.posture, pose + move)) for move in moves]
         return pose + moves[int(np.argmin(overlaps))]

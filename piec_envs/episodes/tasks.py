@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +10,10 @@ import numpy as np
 from piec_envs.errors import check_name
 from piec_envs.kernels import batch_kernel
 
+HORIZON, ARRIVAL = 1000, 900  # steps of an episode, and of those until a reference has reached its end
 REWARD_SCALE = 1e-3  # reward = -REWARD_SCALE * stage cost, of order 1 per step
 GOAL_RADIUS = 0.05  # m
+ARC = 2 * np.pi / 3  # rad, of the references of the mobile Franka
 TRACKING_TOLERANCE = 0.03  # m, on the mean tracking error of a successful episode
 PAPER_REFERENCE_POINTS = 50  # the preset `paper` tracks the nearest of this many points
 
@@ -51,7 +52,7 @@ class CostWeights(NamedTuple):
     shortest: bool = False
 
 
-# For each preset, the weights of each task. The paper writes w_track = lambda w_cage; lambda = 100 here.
+# For each preset, the weights of each kind of task. The paper writes w_track = lambda w_cage; lambda = 100 here.
 PRESETS = {
     "default": {"push": CostWeights(), "track": CostWeights(task=1e4)},
     "paper": {
@@ -67,7 +68,8 @@ class Task:
 
     Args:
         name: its key in the table of tasks.
-        robot: name of the robot.
+        robot: name of the robot that it is made for; the same robot with other shapes can do it, too.
+        object: name of the object.
         start: object pose at the start, shape (3,), m and rad.
         goal: centre of the goal region, shape (2,), m.
         horizon: steps of an episode.
@@ -77,28 +79,60 @@ class Task:
 
     name: str
     robot: str
+    object: str
     start: np.ndarray
     goal: np.ndarray
-    horizon: int = 1000
+    horizon: int = HORIZON
     reference: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
 
+    @property
+    def kind(self) -> str:
+        """Whether the object is to be moved along a reference ("track") or to a goal alone ("push")."""
+        return "track" if len(self.reference) else "push"
 
-def push_task() -> Task:
-    """Push the object of the planar arm from (0.55, 0.25) to (-0.3, 0.4)."""
-    return Task("push", "planar_arm", start=np.array([0.55, 0.25, 0.0]), goal=np.array([-0.3, 0.4]))
+
+PLANAR_ARM = Task("planar_arm_push", "planar_arm", "circle", np.array([0.55, 0.25, 0.0]), np.array([-0.3, 0.4]))
+MOBILE = Task("mobile_franka_push", "mobile_franka", "circle_119", np.array([0.35, 0.1, 0.0]), np.array([0.2, -0.4]))
+FIXED = Task("franka_push", "franka", "paper_pack", np.array([0.4, 0.2, np.pi / 2]), np.array([0.2, -0.2]))
 
 
-def track_task() -> Task:
-    """Move the object along a circular arc around the base, in time."""
-    horizon = 1000
-    start, goal = np.array([0.55, 0.25]), np.array([-0.3, 0.4])
-    angle = np.interp(np.arange(horizon + 1), [0, 0.9 * horizon], np.arctan2([start[1], goal[1]], [start[0], goal[0]]))
-    radius = np.interp(np.arange(horizon + 1), [0, 0.9 * horizon], np.hypot([start[0], goal[0]], [start[1], goal[1]]))
+def planar_arm_track() -> Task:
+    """Move the object of the planar arm around the base, its angle and its distance growing evenly in time."""
+    (x, y, _), goal = PLANAR_ARM.start, PLANAR_ARM.goal
+    share = np.minimum(np.arange(HORIZON + 1) / ARRIVAL, 1.0)  # (horizon + 1,)
+    angle = np.interp(share, [0, 1], [np.arctan2(y, x), np.arctan2(*goal[::-1])])
+    radius = np.interp(share, [0, 1], [np.hypot(x, y), np.hypot(*goal)])
     reference = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])  # (horizon + 1, 2)
-    return Task("track", "planar_arm", np.append(start, 0.0), goal, horizon, reference)
+    return replace(PLANAR_ARM, name="planar_arm_track", reference=reference)
 
 
-TASKS: dict[str, Callable[[], Task]] = {"push": push_task, "track": track_task}
+def mobile_franka_track(side: str) -> Task:
+    """Move the object of the mobile Franka along an arc of a circle, at constant speed.
+
+    Args:
+        side: "left" or "right" of the straight line, seen with x to the right.
+    """
+    start, goal = MOBILE.start[:2], MOBILE.goal
+    middle, half, sign = (start + goal) / 2, (goal - start) / 2, 1.0 if side == "right" else -1.0
+    bulge = np.array([-half[1], half[0]])  # to the right, as long as half the line
+    centre = middle - sign * bulge / np.tan(ARC / 2)
+    angle = sign * ARC * np.minimum(np.arange(HORIZON + 1) / ARRIVAL, 1.0)
+    c, s, (x, y) = np.cos(angle), np.sin(angle), start - centre
+    turned = np.column_stack([c * x + s * y, c * y - s * x])  # (horizon + 1, 2) clockwise to the right
+    return replace(MOBILE, name=f"mobile_franka_track_{side}", reference=centre + turned)
+
+
+TASKS = {
+    task.name: task
+    for task in (
+        PLANAR_ARM,
+        planar_arm_track(),
+        MOBILE,
+        mobile_franka_track("left"),
+        mobile_franka_track("right"),
+        FIXED,
+    )
+}
 
 
 def get_task(name: str) -> Task:
@@ -108,7 +142,7 @@ def get_task(name: str) -> Task:
         UnknownNameError: if the table has no such row.
     """
     check_name("task", name, TASKS)
-    return TASKS[name]()
+    return TASKS[name]
 
 
 @batch_kernel

@@ -20,7 +20,6 @@ from piec_envs.escape.network import PICTURE_RESOLUTION
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.table_file import kept_table
 from piec_envs.escape.tabulation import STRIDE, PackedTable, fine_disc, interpolate_rows, tabulate
-from piec_envs.escape.weights import geometry_digest
 from piec_envs.parallel import notice, run_rows
 from piec_envs.world.robots import Robot, get_robot
 from piec_envs.world.scene import pack_scene
@@ -115,7 +114,7 @@ class TableField(BatchedField):
                 return tabulate(self._scene, self.speed, disc, axes, self.threads)
 
         return PackedTable(
-            excess=kept_table(self.robot_name, self._digest(), shape, solve),
+            excess=kept_table("escape", self._digest(robot), shape, solve),
             start=float(disc.axis[0]),
             h=STRIDE * disc.h,
             lower=np.array([axis[0] for axis in axes]),
@@ -125,9 +124,13 @@ class TableField(BatchedField):
             u_bar=self.u_bar,
         )
 
-    def _digest(self) -> str:
-        """SHA-256 of everything that the numbers of the table depend on."""
-        parts = (source_digest(), sys.byteorder, geometry_digest(self.robot_name))
+    def _digest(self, robot: Robot) -> str:
+        """SHA-256 of everything that the numbers of the table depend on; a base that slides has no part in it."""
+        base, scene = robot.base_dof, self._scene
+        arm = (scene.joint_origin[base:], scene.joint_axis[base:], scene.lower[base:], scene.upper[base:])
+        shapes = (scene.robot.first, scene.robot.vertices, scene.robot.radius, scene.robot.frame - base)
+        geometry = b"".join(np.round(array, 9).astype(float).tobytes() for array in (*arm, *shapes))
+        parts = (source_digest(), sys.byteorder, robot.workspace_radius, geometry)
         numbers = (self.resolution, self.spacing, *astuple(self.speed))
         return hashlib.sha256(repr((parts, numbers)).encode()).hexdigest()
 

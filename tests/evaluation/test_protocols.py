@@ -18,7 +18,7 @@ def test_rows_are_valid(name):
     protocol = get_protocol(name)
     assert protocol.name == name and protocol.description
     PlantParams().replace(protocol.params)
-    EnvConfig("push", **protocol.env_kwargs({"object": "square"}))
+    EnvConfig("planar_arm_push", **protocol.env_kwargs({"object": "square"}))
     drawn = name.endswith("-start") or name in LEVELS or name == "combined"
     assert is_random(protocol.env_kwargs()) == drawn
 

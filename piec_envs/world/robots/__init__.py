@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 from piec_envs.errors import check_name
-from piec_envs.world.robots.franka import franka, franka_capsules
+from piec_envs.world.robots.franka import FRANKAS
 from piec_envs.world.robots.planar_arm import planar_arm
 from piec_envs.world.robots.robot import Joint, Link, Robot
 
-ROBOTS = {"planar_arm": planar_arm, "franka": franka, "franka_capsules": franka_capsules}
+ROBOTS: dict[str, Callable[[], Robot]] = {"planar_arm": planar_arm, **FRANKAS}
 
 
 @cache

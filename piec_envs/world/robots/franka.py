@@ -1,15 +1,22 @@
 """The Franka Panda as a planar arm: joints 1, 4 and 6 turn about vertical axes (paper, section 7).
 
+It stands still or on a base that slides, can touch the object with some of its parts or with all, and has
+the shapes of its meshes or capsules: `FRANKAS` has a row for each combination.
+
 With q2 at 90 degrees, q3 at -90 and q5 at 0 these axes are vertical and all links lie about the plane at
 z = 0.333 m. With q7 at 45 degrees the hand stands upright and is thin in that plane.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from piec_envs.errors import check_name
 from piec_envs.world.robots.panda import (
     BODIES,
     DH,
@@ -24,7 +31,7 @@ from piec_envs.world.robots.panda import (
 )
 from piec_envs.world.robots.robot import Joint, Link, Robot
 from piec_envs.world.sections import cross_section
-from piec_envs.world.shapes import RoundedPolygon, capsule
+from piec_envs.world.shapes import RoundedPolygon, capsule, disc
 
 ACTIVE = (0, 3, 5)  # of the seven joints
 POSTURE = np.array([0.0, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0, np.pi / 4])  # the others stay there, rad
@@ -33,6 +40,7 @@ REACH_UP = 0.15  # m above and below the plane: half the height of the tallest o
 RADIUS = 1.0  # m, of the workspace
 HOME = np.array([0.0, -0.47, 2.95])  # rad, straight
 GRIP = 0.0538  # m, length of the fingers
+POINT_RADIUS = 0.03  # m, of the sphere at the fingertips
 CAPSULE_RADII = {"link 2": 0.06, "link 3": 0.06, "link 4": 0.06, "link 5": 0.055, "link 6": 0.055,
                  "link 7": 0.045, "hand": 0.032}  # fmt: skip
 
@@ -45,11 +53,29 @@ LINKS: Mapping[str, tuple[tuple[str, ...], int]] = {
     "fingers": (("left finger", "right finger"), 3),
 }
 
+BASES = {"fixed": "franka", "mobile": "mobile_franka"}
+GEOMETRIES = {"meshes": "", "capsules": "_capsules"}
+# What can touch the object: these links, all, or a sphere at the fingertips in place of any.
+CONTACTS: Mapping[str, tuple[str, ...]] = {"whole_arm": (), "link": ("link 7", "hand", "fingers"), "point": ()}
+SLIDE = Joint(
+    name="x",
+    origin=(0.0, 0.0, 0.0),
+    axis=(1.0, 0.0, 0.0),
+    lower=-2.0,
+    upper=2.0,
+    speed_limit=0.05,
+    max_lead=0.01,
+    stiffness=1e4,
+    damping=1000.0,
+    armature=25.0,
+    effort=200.0,
+)
+
 
 def all_joints(q_r: np.ndarray) -> np.ndarray:
-    """The seven joints of a planar posture, shapes (..., 7) and (..., 3), rad."""
+    """The seven joints of a planar posture (..., n), whose last three are the active ones, shape (..., 7), rad."""
     q = np.broadcast_to(POSTURE, (*np.shape(q_r)[:-1], 7)).copy()
-    q[..., ACTIVE] = q_r
+    q[..., ACTIVE] = np.asarray(q_r)[..., -len(ACTIVE) :]
     return q
 
 
@@ -95,20 +121,68 @@ def _joints() -> tuple[Joint, ...]:
     return tuple(joints)
 
 
-def franka() -> Robot:
-    """The Panda with the cross-sections of its collision meshes.
+def franka(base: str = "fixed", contact: str = "whole_arm", geometry: str = "meshes") -> Robot:
+    """One row of the table of Pandas.
+
+    Args:
+        base: "fixed" or "mobile": a base that slides along x and y and takes part in no contact.
+        contact: "whole_arm", "link" (the last link and the gripper) or "point" (a sphere at the fingertips).
+        geometry: "meshes", the cross-sections of its collision meshes, or "capsules".
 
     Raises:
+        UnknownNameError: for another word.
         MissingDependencyError: if the package that brings the meshes is not installed.
         MeshError: if a mesh is not the expected one.
     """
+    name, whole = franka_name(base, contact, geometry), franka_name(base, "whole_arm", geometry)
+    slides = (SLIDE, replace(SLIDE, name="y", axis=(0.0, 1.0, 0.0))) if base == "mobile" else ()
+    links, scenery = _meshes() if geometry == "meshes" else _capsules()
+    if contact != "whole_arm":
+        scenery += tuple(link for link in links if link.name not in CONTACTS[contact])
+        links = tuple(link for link in links if link.name in CONTACTS[contact]) or (_fingertips(),)
+    links, scenery = (
+        tuple(replace(link, frame=link.frame + len(slides)) for link in part) for part in (links, scenery)
+    )
+    return Robot(
+        name=name,
+        joints=(*slides, *_joints()),
+        links=links,
+        home=np.concatenate([np.zeros(len(slides)), HOME]),
+        workspace_radius=RADIUS,
+        scenery=scenery,
+        geometry_source=f"meshes of {PACKAGE}" if geometry == "meshes" else "capsules",
+        whole=whole,
+    )
+
+
+def franka_name(base: str, contact: str, geometry: str) -> str:
+    """Name of a Panda in the table of robots; the words are those of `franka`.
+
+    Raises:
+        UnknownNameError: for another word.
+    """
+    for kind, word, known in (
+        ("base", base, BASES),
+        ("contact", contact, CONTACTS),
+        ("geometry", geometry, GEOMETRIES),
+    ):
+        check_name(kind, word, known)
+    return BASES[base] + ("" if contact == "whole_arm" else f"_{contact}") + GEOMETRIES[geometry]
+
+
+FRANKAS: dict[str, Callable[[], Robot]] = {
+    franka_name(*words): partial(franka, *words) for words in itertools.product(BASES, CONTACTS, GEOMETRIES)
+}
+
+
+def _meshes() -> tuple[tuple[Link, ...], tuple[Link, ...]]:
+    """The links with the cross-sections of their meshes, and the foot, which touches nothing."""
     links = []
     for name, (bodies, frame) in LINKS.items():
         solids = tuple(_solid(body, frame) for body in bodies)
         outline = cross_section(np.concatenate(solids), -REACH_UP, REACH_UP)
         links.append(Link(name, frame, (RoundedPolygon(outline),), solids=solids))
-    foot = Link("link 0", 0, (), solids=(_solid("link0", 0),))
-    return Robot("franka", _joints(), tuple(links), HOME, RADIUS, (foot,), f"meshes of {PACKAGE}")
+    return tuple(links), (Link("link 0", 0, (), solids=(_solid("link0", 0),)),)
 
 
 def _solid(body: str, frame: int) -> np.ndarray:
@@ -117,14 +191,22 @@ def _solid(body: str, frame: int) -> np.ndarray:
     return mesh_vertices(body) @ pose[:3, :3].T + pose[:3, 3]
 
 
-def franka_capsules() -> Robot:
-    """The Panda with capsules along its Denavit-Hartenberg frames, which needs no mesh."""
+def _capsules() -> tuple[tuple[Link, ...], tuple[Link, ...]]:
+    """The links as capsules along the Denavit-Hartenberg frames, which needs no mesh; there is no foot."""
     frames = planar_frames()
     links = []
     for name, (start, end, frame) in _axes().items():
         a, b = (np.linalg.inv(frames[frame]) @ np.append(point, 1.0) for point in (start, end))
         links.append(Link(name, frame, (capsule(np.round(a[:2], 9), np.round(b[:2], 9), CAPSULE_RADII[name]),)))
-    return Robot("franka_capsules", _joints(), tuple(links), HOME, RADIUS, geometry_source="capsules")
+    return tuple(links), ()
+
+
+def _fingertips() -> Link:
+    """The sphere between the fingertips."""
+    last, frame = body_frames(POSTURE)[7], len(ACTIVE)
+    tip = last[:3, 3] + (FLANGE + FINGERS + GRIP) * last[:3, 2]
+    x, y = np.round((np.linalg.inv(planar_frames()[frame]) @ np.append(tip, 1.0))[:2], 9)
+    return Link("point", frame, (disc(POINT_RADIUS, (x, y)),))
 
 
 def _axes() -> dict[str, tuple[np.ndarray, np.ndarray, int]]:

@@ -70,8 +70,10 @@ class Robot:
         links: the parts that can touch the object.
         home: the configuration of a fresh episode, shape (n,), rad or m.
         workspace_radius: radius of the escape disc around the base, m.
-        scenery: parts that touch nothing and are only drawn in space; they need solids, but no shapes.
+        scenery: parts that touch nothing and are only drawn; they need solids or shapes, not both.
         geometry_source: where its shapes come from, for records.
+        whole: row of the same robot with all its parts as links, where this one has some of them as
+            scenery; "" is this row itself.
     """
 
     name: str
@@ -81,6 +83,12 @@ class Robot:
     workspace_radius: float
     scenery: tuple[Link, ...] = ()
     geometry_source: str = "definition"
+    whole: str = ""
+
+    @property
+    def whole_name(self) -> str:
+        """Name of the row with all parts as links."""
+        return self.whole or self.name
 
     @property
     def dof(self) -> int:
