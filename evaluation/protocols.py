@@ -59,17 +59,16 @@ def is_random(env_kwargs: Mapping[str, Any]) -> bool:
 
 
 def _frictions() -> list[Protocol]:
-    values = (0.0, 0.25, 0.5, 0.75, 1.0)
+    values = (0.0, 0.2, 0.25, 0.5, 0.75, 0.8, 1.0)
     return [
         Protocol(f"friction-{mu:.2f}", f"friction between arm and object is {mu:g}", {"friction": mu}) for mu in values
     ]
 
 
 def _shapes() -> list[Protocol]:
-    names = ("octagon", "hexagon", "square")
-    return [
-        Protocol(f"shape-{name}", f"the object is the {name} around the circle", {"object": name}) for name in names
-    ]
+    around = {"octagon": "octagon around the circle", "hexagon": "hexagon around the circle",
+              "square": "square around the circle", "box_212": "square box around circle_119"}  # fmt: skip
+    return [Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name}) for name, shape in around.items()]
 
 
 def _disturbances() -> list[Protocol]:

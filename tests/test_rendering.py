@@ -70,11 +70,21 @@ def test_field_trail_and_reference_are_drawn():
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_every_object_is_drawn(name):
-    others = [
-        render_frame(episode(object=other, escape_field=None), 0, size=SIZE) for other in OBJECTS if other != name
-    ]
-    frame = render_frame(episode(object=name, escape_field=None), 0, size=SIZE)
+    frame, *others = (
+        render_frame(episode(object=each, escape_field=None, dynamics="mujoco"), 0, size=SIZE)
+        for each in (name, *(other for other in OBJECTS if other != name))
+    )
     assert not any(np.array_equal(frame, other) for other in others)
+
+
+def test_loose_bodies_are_drawn_where_they_are():
+    batch = episode(object="a4_box_roll_1", escape_field=None, dynamics="mujoco")
+    before, memory = render_frame(batch, 0, size=SIZE), batch.state.memory[0].copy()
+    memory[12] -= 0.5  # x of the roll, after the time, four joints and the box
+    batch.state.memory[0] = memory
+    after = render_frame(batch, 0, size=SIZE)
+    x = np.argwhere((before != after).any(axis=2))[:, 1]
+    assert np.ptp(x) * 2 * 1.4 * 1.03 / SIZE == pytest.approx(0.6, abs=0.03)  # it has left one place for the other
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -159,6 +169,18 @@ def test_object_and_goal_stand_where_they_should(space):
     assert count > 200 and column > 400 and moved_column < 320 and moved_row > row + 50
     (_, column), count = where(at(space, [0.5, 0.4, 0.0]), red_first=False)
     assert count > 100 and 260 < column < 320
+
+
+def test_loose_bodies_stand_in_space_where_they_are(space):
+    env = spatial(object="a4_box_roll_1", dynamics="mujoco").unwrapped
+    env.reset(seed=0)
+    before, state = env.render(), env.get_state()
+    state.memory[0] = state.memory[0].copy()
+    state.memory[0][12] -= 0.5  # x of the roll, after the time, four joints and the box
+    env.set_state(state)
+    columns = np.argwhere((before != env.render()).any(axis=2))[:, 1]
+    assert np.ptp(columns) > 720 * 0.5 / 3
+    env.close()
 
 
 def test_every_row_has_its_frame_and_closing_leaves_the_others(space):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evaluation.commands import Report
+
+if TYPE_CHECKING:
+    from piec_envs.world.objects import Object
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +43,7 @@ def _tables() -> dict[str, dict[str, str]]:
     return {
         "environments": {name: _summary(entry.entry_point) for name, entry in ENVS.items()},
         "robots": {name: _robot(name) for name in ROBOTS},
-        "objects": {name: f"{len(item.shapes)} shape(s), {item.mass} kg" for name, item in OBJECTS.items()},
+        "objects": {name: _object_line(item) for name, item in OBJECTS.items()},
         "dynamics": {name: _first_line(make) for name, make in DYNAMICS.items()},
         "solvers": dict.fromkeys(SOLVERS, ""),
         "escape fields": {name: _field(name, kind) for name, kind in FIELDS.items()},
@@ -52,6 +55,12 @@ def _tables() -> dict[str, dict[str, str]]:
         "studies": {name: row.description for name, row in STUDIES.items()},
         "commands": {name: row.help for name, row in COMMANDS.items()},
     }
+
+
+def _object_line(item: Object) -> str:
+    """Shapes, mass, and what comes with it."""
+    loose = f", {len(item.loose)} loose" if item.loose else ""
+    return f"{len(item.shapes)} shape(s), {item.mass} kg{loose}"
 
 
 def _robot(name: str) -> str:

@@ -26,12 +26,16 @@ class Plant:
         objects: name of the object in each row, length B.
         friction: mu of each row, shape (B,).
         dynamics: name of the dynamics of each row, length B; only `DynamicsByRow` asks for it.
+        mass: of each row's object, as a factor of its nominal one, shape (B,); None is 1.
+        delay: from a command to the drives, shape (B,), s; None is 0.
     """
 
     robot: str
     objects: Sequence[str]
     friction: np.ndarray
     dynamics: Sequence[str] = ()
+    mass: np.ndarray | None = None
+    delay: np.ndarray | None = None
 
     @cached_property
     def rows_by_object(self) -> dict[str, np.ndarray]:
@@ -46,7 +50,8 @@ class Plant:
     def take(self, rows: np.ndarray) -> Plant:
         """The plant of some rows alone."""
         objects, dynamics = ([names[i] for i in rows] if names else () for names in (self.objects, self.dynamics))
-        return Plant(self.robot, objects, self.friction[rows], dynamics)
+        mass, delay = (None if array is None else array[rows] for array in (self.mass, self.delay))
+        return Plant(self.robot, objects, self.friction[rows], dynamics, mass, delay)
 
 
 def _rows_by_name(names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -140,8 +145,8 @@ class Dynamics(Protocol):
         """
         ...
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> np.ndarray:
-        """Where an object that overlaps the robot stands when the clock starts.
+    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Where an object that overlaps the robot stands when the clock starts, and its loose bodies.
 
         Args:
             q_r: joint positions, held meanwhile, shape (B, n).
@@ -149,7 +154,7 @@ class Dynamics(Protocol):
             plant: the parameters of each row.
 
         Returns:
-            Object poses, shape (B, 3).
+            Object poses, shape (B, 3), and what each row's dynamics has to remember of this start.
         """
         ...
 
@@ -166,6 +171,8 @@ def check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands:
         ("q_cmd", q_cmd, (batch, n)),
         ("pose", pose, (batch, 3)),
         ("friction", plant.friction, (batch,)),
+        ("mass", plant.mass, (batch,)),
+        ("delay", plant.delay, (batch,)),
         ("displacement", commands.displacement, (batch, steps, 2)),
     ):
         if array is not None and array.shape != shape:

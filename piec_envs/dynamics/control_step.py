@@ -29,8 +29,8 @@ def _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_ce
 
 
 @batch_kernel
-def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, ctrl):
-    """Commands of step t, as every dynamics takes them: `advance_command`.
+def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, late, ctrl):
+    """Commands of step t, as every dynamics takes them: `advance_command`. Late ones leave the one before in force.
 
     Args:
         lo, hi: range of entries of `rows`.
@@ -40,7 +40,8 @@ def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, ctrl):
         model: a `ContactModel`.
         values, absolute: as in `Commands`.
         motion: (q_r, q_cmd, actions) of a `Motion`; q_cmd at t + 1 and the actions at t are written.
-        ctrl: output, the commands once for each of the engine's steps, shape (hi - lo, M, n).
+        late: engine steps from a command to the drives, shape (hi - lo,).
+        ctrl: output, what the drives get in each of the engine's steps, shape (hi - lo, M, n).
     """
     q_r, q_cmd, actions = motion
     for r in range(lo, hi):
@@ -48,7 +49,7 @@ def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, ctrl):
         advance_command(scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1])
         for m in range(ctrl.shape[1]):
             for j in range(ctrl.shape[2]):
-                ctrl[r - lo, m, j] = q_cmd[i, t + 1, j]
+                ctrl[r - lo, m, j] = q_cmd[i, t, j] if m < late[r - lo] else q_cmd[i, t + 1, j]
 
 
 @batch_kernel

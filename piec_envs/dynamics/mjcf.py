@@ -1,15 +1,18 @@
 """MuJoCo models of the scenes: the same robots, objects and shapes as everywhere, given a height.
 
 The arm moves in the plane at half the object's height, its links being what the robot says they are in
-space, or else its shapes given a height; the object is an upright prism that rests on a table. Geoms
-touch through explicit pairs alone, since MuJoCo would otherwise take the larger friction of the two:
-arm and object with the scene's mu, object and table with a friction of their own.
+space, or else its shapes given a height; the object and its loose bodies are upright prisms that rest
+on a table. Geoms touch through explicit pairs alone, since MuJoCo would otherwise take the larger
+friction of the two: the arm and a body with the scene's mu, a body and the table, and two bodies, with
+frictions of their own.
 """
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
+from itertools import combinations, product
 from typing import Any
 
 import mujoco
@@ -20,7 +23,8 @@ from piec_envs.world.robots import Link, Robot, get_robot
 from piec_envs.world.shapes import RoundedPolygon
 
 TIMESTEP = 0.002  # s
-TABLE_FRICTION = 0.3  # between object and table
+TABLE_FRICTION = 0.3  # between object and table, and loose bodies and table
+OBJECT_FRICTION = 0.4  # between the object and a loose body
 # Time constant (s) and damping ratio, and impedance, of the two kinds of contact. The arm's are as stiff
 # as this time step allows with a margin of two, so that a squeezed object stays within a fraction of a
 # millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks and slips.
@@ -28,23 +32,45 @@ ARM_CONTACT = {"solref": (0.008, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
 TABLE_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 SOLID_COLOUR = (0.93, 0.93, 0.95, 1.0)
 LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.42, 0.55, 0.70, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.93, 0.91, 1.0)
-ARC_POINTS = 8  # on each rounded corner of an extruded outline
+LOOSE_COLOUR = (0.62, 0.38, 0.22, 1.0)
+ARC_POINTS = 91  # on each rounded corner of an extruded outline: faces within half a degree of the arc
 
 
 @lru_cache(maxsize=1024)
-def get_model(robot_name: str, object_name: str, friction: float) -> Any:
-    """The compiled model of a scene, an `mujoco.MjModel` to be treated as read-only.
+def get_model(robot_name: str, object_name: str, friction: float, mass: float = 1.0) -> Any:
+    """The model of a scene, an `mujoco.MjModel` to be treated as read-only: a changed copy of one that is compiled.
 
     Args:
         robot_name: a row of the table of robots.
         object_name: a row of the table of objects.
         friction: mu between arm and object.
+        mass: of the object, as a factor of its nominal one; its inertia scales along.
     """
-    return build_spec(get_robot(robot_name), get_object(object_name), friction).compile()
+    model = copy.copy(_compiled(robot_name, object_name))
+    model.pair_friction[_arm_pairs(model), :2] = friction
+    if mass != 1.0:
+        body = model.body("object").id
+        model.body_mass[body] *= mass
+        model.body_inertia[body] *= mass
+        mujoco.mj_setConst(model, mujoco.MjData(model))  # what the compiler derives from masses, but for two means
+        model.stat.meanmass, model.stat.meaninertia = model.body_mass[1:].mean(), model.dof_M0.mean()
+    return model
+
+
+@cache
+def _compiled(robot_name: str, object_name: str) -> Any:
+    return build_spec(get_robot(robot_name), get_object(object_name), friction=1.0).compile()
+
+
+def _arm_pairs(model: Any) -> np.ndarray:
+    """Which contact pairs are the arm's with a free body, shape (pairs,)."""
+    free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+    bodies = model.geom_bodyid[np.stack([model.pair_geom1, model.pair_geom2])]  # (2, pairs)
+    return (np.isin(bodies, free).sum(axis=0) == 1) & (bodies > 0).all(axis=0)  # the world's body, 0, is the table's
 
 
 def build_spec(robot: Robot, item: Object, friction: float) -> Any:
-    """The scene as an `mujoco.MjSpec`; its first coordinates are the robot's joints, then the object's pose.
+    """The scene as an `mujoco.MjSpec`; its coordinates are the joints, the object's place, those of loose bodies.
 
     Args:
         robot: the robot.
@@ -61,11 +87,17 @@ def build_spec(robot: Robot, item: Object, friction: float) -> Any:
         name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1], rgba=TABLE_COLOUR, **_NO_COLLISION
     )
     links = _add_robot(spec, robot, item.height / 2)
-    parts = _add_object(spec, item)
-    for part in parts:
+    bodies = [_add_free(spec, _Part("object", item.shapes, item.mass, OBJECT_COLOUR, is_link=False), item.height / 2)]
+    for k, body in enumerate(item.loose, start=1):
+        part = _Part(f"loose {k}", body.shapes, body.mass, LOOSE_COLOUR, is_link=False)
+        bodies.append(_add_free(spec, part, body.height / 2))
+    for geom in (geom for body in bodies for geom in body):
         for link in links:
-            _add_pair(spec, link, part, friction, ARM_CONTACT)
-        _add_pair(spec, "table", part, TABLE_FRICTION, TABLE_CONTACT)
+            _add_pair(spec, link, geom, friction, ARM_CONTACT)
+        _add_pair(spec, "table", geom, TABLE_FRICTION, TABLE_CONTACT)
+    for one, other in combinations(bodies, 2):
+        for first, second in product(one, other):
+            _add_pair(spec, first, second, OBJECT_FRICTION, ARM_CONTACT)
     return spec
 
 
@@ -115,13 +147,6 @@ def _add_solids(spec: Any, body: Any, link: Link) -> list[str]:
     return names
 
 
-def _add_object(spec: Any, item: Object) -> list[str]:
-    """The free object; returns the names of its geoms."""
-    body = spec.worldbody.add_body(name="object", pos=[0, 0, item.height / 2])
-    body.add_freejoint(name="object")
-    return _add_part(spec, body, _Part("object", item.shapes, item.mass, OBJECT_COLOUR, is_link=False), item.height / 2)
-
-
 @dataclass(frozen=True, eq=False)
 class _Part:
     """A rigid part to be given a body's geoms."""
@@ -131,6 +156,13 @@ class _Part:
     mass: float
     colour: tuple[float, ...]
     is_link: bool
+
+
+def _add_free(spec: Any, part: _Part, half: float) -> list[str]:
+    """A free body on the table, of twice the height `half` (m); returns the names of its geoms."""
+    body = spec.worldbody.add_body(name=part.name, pos=[0, 0, half])
+    body.add_freejoint(name=part.name)
+    return _add_part(spec, body, part, half)
 
 
 def _add_part(spec: Any, body: Any, part: _Part, half: float) -> list[str]:

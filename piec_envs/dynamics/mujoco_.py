@@ -16,9 +16,10 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
-from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Motion, Plant, blank_motion, check_shapes
+from piec_envs.dynamics.base import CONTROL_PERIOD, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
 from piec_envs.dynamics.contact_step import ContactModel
 from piec_envs.dynamics.control_step import command_rows, measure_motion_rows, shift_rows
+from piec_envs.dynamics.free_bodies import PLACE, places_in, planar, poses_at_start, remembered_places, rest_state
 from piec_envs.dynamics.mjcf import TIMESTEP, get_model
 from piec_envs.parallel import run_rows
 from piec_envs.world.objects import get_object
@@ -60,21 +61,35 @@ class MujocoDynamics:
         """Simulate N steps for B rows; see `Dynamics.rollout`."""
         return self._rollout(q_r, q_cmd, pose, commands, plant, memory, ENGINE_STEPS)
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> np.ndarray:
-        """Where the contacts push an overlapping object while the arm is held; see `Dynamics.settle`.
+    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Where the contacts push overlapping bodies while the arm is held; see `Dynamics.settle`.
 
-        It is brought to rest again and again, or an overlap of millimetres would throw it.
+        They are brought to rest again and again, or an overlap of millimetres would throw them.
         """
-        settled, n = pose.copy(), q_r.shape[1]
+        items = [get_object(name) for name in plant.objects]
+        poses = [poses_at_start(item, row) for item, row in zip(items, pose, strict=True)]
+        at_rest = [rest_state(*row) for row in zip(items, q_r, poses, strict=True)]
         for _ in range(SETTLE_ROUNDS):
-            looked = self.rollout(q_r, q_r, settled, Commands(np.zeros((len(pose), 0, n))), plant)
-            pressed = np.flatnonzero(looked.link_distance[:, 0].min(axis=1) < -SETTLED)
+            pressed = np.flatnonzero(self._overlap(q_r, np.array([row[0] for row in poses]), plant, at_rest) > SETTLED)
             if len(pressed) == 0:
                 break
-            q, hold = q_r[pressed], Commands(np.zeros((len(pressed), 1, n)))
-            pushed = self._rollout(q, q, settled[pressed], hold, plant.take(pressed), None, SETTLE_ENGINE_STEPS)
-            settled[pressed] = pushed.pose[:, -1]
-        return settled
+            q, hold = q_r[pressed], Commands(np.zeros((len(pressed), 1, q_r.shape[1])))
+            settled, memory = np.array([poses[i][0] for i in pressed]), [at_rest[i] for i in pressed]
+            pushed = self._rollout(q, q, settled, hold, plant.take(pressed), memory, SETTLE_ENGINE_STEPS)
+            for i, state in zip(pressed, pushed.memory, strict=True):
+                poses[i] = planar(places_in(state, q_r.shape[1], len(poses[i])), poses[i][:, 2])
+                at_rest[i] = rest_state(items[i], q_r[i], poses[i])
+        kept = [state if item.loose else NO_MEMORY for item, state in zip(items, at_rest, strict=True)]
+        return np.array([row[0] for row in poses]), kept
+
+    def _overlap(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant, at_rest: list[np.ndarray]) -> np.ndarray:
+        """How far anything overlaps but the table, shape (B,), m; loose bodies by the engine's own contacts."""
+        looked = self.rollout(q_r, q_r, pose, Commands(np.zeros((len(pose), 0, q_r.shape[1]))), plant)
+        overlap = -looked.link_distance[:, 0].min(axis=1)
+        for i, name in enumerate(plant.objects):
+            if get_object(name).loose:
+                overlap[i] = max(overlap[i], _deepest_contact(plant, i, at_rest[i]))
+        return overlap
 
     def _rollout(self, q_r, q_cmd, pose, commands, plant, memory, engine_steps) -> Motion:
         check_shapes(q_r, q_cmd, pose, commands, plant)
@@ -116,7 +131,7 @@ class _Engines(threading.local):
         self.data: dict[tuple[str, str], Any] = {}
 
     def data_for(self, robot_name: str, object_name: str, model: Any) -> Any:
-        """Scratch for models of this scene, whatever their friction."""
+        """Scratch for models of this scene, whatever their friction and mass."""
         key = (robot_name, object_name)
         if key not in self.data:
             self.data[key] = mujoco.MjData(model)
@@ -126,15 +141,32 @@ class _Engines(threading.local):
 _engines = _Engines()
 
 
+def _row_model(plant: Plant, row: int) -> Any:
+    """The model of one row."""
+    mass = 1.0 if plant.mass is None else float(plant.mass[row])
+    return get_model(plant.robot, plant.objects[row], float(plant.friction[row]), mass)
+
+
+def _deepest_contact(plant: Plant, row: int, state: np.ndarray) -> float:
+    """Depth of a row's deepest contact but those with the table, m; 0 where there is none."""
+    model = _row_model(plant, row)
+    data = _engines.data_for(plant.robot, plant.objects[row], model)
+    mujoco.mj_setState(model, data, state, _PHYSICS)
+    mujoco.mj_fwdPosition(model, data)
+    above = (model.geom_bodyid[data.contact.geom] > 0).all(axis=1)  # (contacts,)
+    return -float(data.contact.dist[above].min(initial=0.0))
+
+
 def _simulate(lo: int, hi: int, job: _Job) -> None:
     """Simulate rows `job.rows[lo:hi]`, one control step after the other for all of them."""
     rows, motion, commands = job.rows[lo:hi], job.motion, job.commands
     if len(rows) == 0 or commands.values.shape[1] == 0:
         return
-    models = [get_model(job.plant.robot, job.object_name, float(job.plant.friction[i])) for i in rows]
+    models = [_row_model(job.plant, i) for i in rows]
     data = _engines.data_for(job.plant.robot, job.object_name, models[0])
     batch, n, nq = len(rows), motion.q_r.shape[2], models[0].nq
-    state = np.stack([_start(models[0], job.object_name, motion, i) for i in rows])  # (batch, S)
+    state = np.stack([_start(job.object_name, motion, i) for i in rows])  # (batch, S)
+    late = np.zeros(batch) if job.plant.delay is None else np.rint(job.plant.delay[rows] / TIMESTEP)  # (batch,)
     ctrl, after = (np.empty((batch, job.engine_steps, width)) for width in (n, state.shape[1]))
     position = state[:, 1 : 1 + nq]  # (batch, nq)
     for t in range(commands.values.shape[1]):
@@ -142,7 +174,7 @@ def _simulate(lo: int, hi: int, job: _Job) -> None:
             shift_rows(lo, hi, job.rows, t, job.scene, commands.displacement, motion.q_r, motion.pose,
                        position[:, n : n + 2])  # fmt: skip
         command_rows(lo, hi, job.rows, t, job.scene, job.model, commands.values, commands.absolute,
-                     (motion.q_r, motion.q_cmd, motion.actions), ctrl)  # fmt: skip
+                     (motion.q_r, motion.q_cmd, motion.actions), late, ctrl)  # fmt: skip
         state[:, 0] = 0.0  # time: the engine stops it where it warns
         _engines.loop.rollout(
             models, [data], state, ctrl, control_spec=_CONTROL, skip_checks=True, nstep=job.engine_steps, state=after
@@ -151,36 +183,14 @@ def _simulate(lo: int, hi: int, job: _Job) -> None:
         state[good] = after[good, -1]
         motion.diverged[rows, t + 1] = motion.diverged[rows, t] | ~good
         motion.q_r[rows, t + 1] = position[:, :n]
-        motion.pose[rows, t + 1] = _planar(position[:, n:], motion.pose[rows, t, 2])
+        motion.pose[rows, t + 1] = planar(position[:, n : n + PLACE], motion.pose[rows, t, 2])
     for row, last in zip(rows, state, strict=True):
         motion.memory[row] = last.copy()
 
 
-def _start(model: Any, object_name: str, motion: Motion, row: int) -> np.ndarray:
+def _start(object_name: str, motion: Motion, row: int) -> np.ndarray:
     """The row's physics state: what it remembers if that fits joints and pose, else at rest, shape (S,)."""
-    q_r, pose, memory = motion.q_r[row, 0], motion.pose[row, 0], motion.memory[row]
-    n, nq, size = len(q_r), model.nq, mujoco.mj_stateSize(model, _PHYSICS)
-    if memory.shape == (size,):
-        known = _planar(memory[None, 1 + n : 1 + nq], pose[None, 2])[0]
-        if (memory[1 : 1 + n] == q_r).all() and (known[:2] == pose[:2]).all() and abs(known[2] - pose[2]) < 1e-9:
-            return memory
-    state, height = np.zeros(size), get_object(object_name).height / 2
-    state[1 : 1 + n] = q_r
-    state[1 + n : 1 + nq] = (*pose[:2], height, np.cos(pose[2] / 2), 0, 0, np.sin(pose[2] / 2))
-    return state
-
-
-def _planar(free: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Poses x, y, angle of free bodies.
-
-    Args:
-        free: position and quaternion, shape (B, 7).
-        before: earlier angles, shape (B,); of all equal angles the nearest is taken.
-
-    Returns:
-        Shape (B, 3).
-    """
-    w, x, y, z = free[:, 3:].T
-    heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    turn = (heading - before + np.pi) % (2 * np.pi) - np.pi
-    return np.column_stack([free[:, :2], before + turn])
+    item, q_r, pose = get_object(object_name), motion.q_r[row, 0], motion.pose[row, 0]
+    if remembered_places(item, q_r, pose, motion.memory[row]) is not None:
+        return motion.memory[row]
+    return rest_state(item, q_r, poses_at_start(item, pose))

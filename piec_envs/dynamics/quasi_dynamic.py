@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from piec_envs.dynamics.base import Commands, Motion, Plant, blank_motion, check_shapes
+from piec_envs.dynamics.base import NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
 from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
 from piec_envs.dynamics.reference import rollout_rows_osqp
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.parallel import run_rows
+from piec_envs.world.objects import get_object
 from piec_envs.world.scene import pack_scene
 
 SOLVERS = ("fast", "osqp")
@@ -50,8 +51,13 @@ class QuasiDynamics:
         plant: Plant,
         memory: Sequence[np.ndarray] | None = None,
     ) -> Motion:
-        """Simulate N steps for B rows; see `Dynamics.rollout`. A first-order model remembers nothing."""
+        """Simulate N steps for B rows; see `Dynamics.rollout`.
+
+        A first-order model remembers nothing, and knows neither the object's mass nor what `check_first_order` refuses.
+        """
         check_shapes(q_r, q_cmd, pose, commands, plant)
+        for name in plant.rows_by_object:
+            check_first_order(name, 0.0 if plant.delay is None else float(plant.delay.max()))
         batch, steps, _ = commands.values.shape
         groups = [(rows, pack_scene(plant.robot, name)) for name, rows in plant.rows_by_object.items()]
         motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][1].links)
@@ -66,6 +72,28 @@ class QuasiDynamics:
             )  # fmt: skip
         return motion
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> np.ndarray:
+    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
         """The pose itself: the first steps push an overlap out."""
-        return pose
+        return pose, [NO_MEMORY] * len(pose)
+
+
+def check_first_order(object_name: str, delay: float) -> None:
+    """Refuse what a first-order model of one object cannot follow.
+
+    Args:
+        object_name: a row of the table of objects.
+        delay: from a command to the drives, s.
+
+    Raises:
+        InvalidParameterError: for an object with loose bodies, or a delay.
+    """
+    if delay > 0:
+        raise InvalidParameterError(
+            f"delay must be 0 under dynamics='quasi_dynamic', whose step is a whole control step; got {delay:g} s "
+            "(take dynamics='mujoco', given together with the delay)"
+        )
+    if get_object(object_name).loose:
+        raise InvalidParameterError(
+            f"object {object_name!r} has loose bodies, which dynamics='quasi_dynamic' cannot move: it knows one object "
+            "and no table; take dynamics='mujoco', given together with the object, or an object without loose bodies"
+        )

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.dynamics.base import Commands, Dynamics, Motion, Plant, blank_motion
+from piec_envs.dynamics.base import NO_MEMORY, Commands, Dynamics, Motion, Plant, blank_motion
 from piec_envs.dynamics.contact_step import ContactModel
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.errors import check_name
@@ -87,12 +87,14 @@ class DynamicsByRow:
         assert whole is not None  # a batch has rows
         return whole
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> np.ndarray:
+    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
         """Where overlapping objects stand when the clock starts; see `Dynamics.settle`."""
-        settled = pose.copy()
+        settled, memory = pose.copy(), [NO_MEMORY] * len(pose)
         for name, rows in plant.rows_by_dynamics.items():
-            settled[rows] = self._get(name).settle(q_r[rows], pose[rows], plant.take(rows))
-        return settled
+            settled[rows], kept = self._get(name).settle(q_r[rows], pose[rows], plant.take(rows))
+            for row, remembered in zip(rows, kept, strict=True):
+                memory[row] = remembered
+        return settled, memory
 
 
 def _place_rows(whole: Motion, rows: np.ndarray, part: Motion) -> None:

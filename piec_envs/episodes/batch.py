@@ -98,9 +98,9 @@ class EpisodeBatch:
             state.params = [self._checked(state.params[0].replace(changes))]
             return state
         rng = np.random.default_rng(seed)
-        params = self.params.replace(draw_params(self.config.randomize or {}, rng))
-        state = self._start.draw(self._checked(params.replace(changes)), seed, rng, given)
-        state.pose = self.dynamics.settle(state.q_r, state.pose, self._plant(state))
+        params = self._checked(self.params.replace(draw_params(self.config.randomize or {}, rng), changes))
+        state = self._start.draw(params, seed, rng, given)
+        state.pose, state.memory = self.dynamics.settle(state.q_r, state.pose, self._plant(state))
         state.start = state.pose.copy()
         return state
 
@@ -158,6 +158,8 @@ class EpisodeBatch:
             [params.object for params in state.params],
             np.array([params.friction for params in state.params]),
             [params.dynamics for params in state.params],
+            np.array([params.mass for params in state.params]),
+            np.array([params.delay for params in state.params]),
         )
 
     # --- stepping ----------------------------------------------------------------------------

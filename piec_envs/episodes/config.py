@@ -37,6 +37,8 @@ class EnvConfig:
         disturbance: sigma of the object's random displacement in each step, m.
         disturbance_kind: "gaussian" (for each axis) or "direction" (length sigma).
         adversary: speed of an object that flees, as a fraction of the escape field's u_bar.
+        mass: the object's, as a factor of its nominal one; the quasi-dynamic model knows none.
+        delay: from a command to the drives, s, under MuJoCo alone.
         start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
         randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.
         escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best
@@ -67,6 +69,8 @@ class EnvConfig:
     disturbance: float = 0.0
     disturbance_kind: str = "gaussian"
     adversary: float = 0.0
+    mass: float = 1.0
+    delay: float = 0.0
     start_noise: tuple[float, float] = (0.0, 0.0)
     randomize: Mapping[str, Any] | None = None
     escape_field: str | Mapping[str, Any] | None = "auto"
@@ -91,7 +95,7 @@ class EnvConfig:
         object.__setattr__(self, "start", checked_start(self.start, self.robot))
         get_object(self.object)
         _ = self.params, self.cost_weights, self.contact_model
-        object.__setattr__(self, "randomize", check_randomize(self.randomize))
+        object.__setattr__(self, "randomize", check_randomize(self.randomize, self.params))
         for argument, value, known in (
             ("solver", self.solver, SOLVERS),
             ("noise_entry", self.noise_entry, NOISE_ENTRIES),

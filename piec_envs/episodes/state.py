@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from piec_envs.dynamics.base import NO_MEMORY
+from piec_envs.dynamics.base import CONTROL_PERIOD, NO_MEMORY
+from piec_envs.dynamics.quasi_dynamic import check_first_order
 from piec_envs.dynamics.table import DYNAMICS
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
 from piec_envs.world.objects import OBJECTS
@@ -30,10 +32,15 @@ class PlantParams:
             direction: the paper's bound).
         adversary: speed at which the object flees down the escape-time field, as a fraction of
             the field's u_bar.
+        mass: of the object, as a factor of its nominal one, inertia along with it. The
+            quasi-dynamic model is of first order and the same for every mass.
+        delay: from a command to the drives, s, at most a control step, in steps of 2 ms; until then
+            the command before holds. The quasi-dynamic model knows none.
 
     Raises:
         UnknownNameError: for a name in no table.
-        InvalidParameterError: for a negative or infinite number.
+        InvalidParameterError: for a number outside its range, or a delay or an object with loose
+            bodies under the quasi-dynamic model.
     """
 
     dynamics: str = "quasi_dynamic"
@@ -42,6 +49,8 @@ class PlantParams:
     disturbance: float = 0.0
     disturbance_kind: str = "gaussian"
     adversary: float = 0.0
+    mass: float = 1.0
+    delay: float = 0.0
 
     def __post_init__(self):
         for kind, known in (
@@ -50,29 +59,48 @@ class PlantParams:
             ("disturbance_kind", DISTURBANCE_KINDS),
         ):
             check_name(kind, getattr(self, kind), known)
-        for name in ("friction", "disturbance", "adversary"):
-            try:
-                value = float(getattr(self, name))
-            except (TypeError, ValueError):
-                value = np.nan
-            if not (np.isfinite(value) and value >= 0):
-                raise InvalidParameterError(
-                    f"{name} must be a finite number of at least 0, got {getattr(self, name)!r}"
-                )
-            object.__setattr__(self, name, value)
+        for name in _RANGES:
+            object.__setattr__(self, name, _number(name, getattr(self, name)))
+        if self.dynamics == "quasi_dynamic":
+            check_first_order(self.object, self.delay)
 
-    def replace(self, changes: Mapping[str, Any]) -> PlantParams:
-        """The same parameters with some changed.
+    def replace(self, *changes: Mapping[str, Any]) -> PlantParams:
+        """The same parameters with some changed; what they are together is checked once, at the end.
+
+        Args:
+            changes: values by name, of which later ones count.
 
         Raises:
             UnknownNameError: for a parameter that does not exist.
         """
         names = [field.name for field in dataclasses.fields(self)]
-        if not isinstance(changes, Mapping):
-            raise InvalidParameterError(f"plant parameters must be a mapping, got {changes!r}")
-        for name in changes:
-            check_name("plant parameter", name, names)
-        return dataclasses.replace(self, **changes)
+        values: dict[str, Any] = {}
+        for given in changes:
+            if not isinstance(given, Mapping):
+                raise InvalidParameterError(f"plant parameters must be a mapping, got {given!r}")
+            for name in given:
+                check_name("plant parameter", name, names)
+            values |= given
+        return dataclasses.replace(self, **values)
+
+
+_RANGES = {
+    **dict.fromkeys(("friction", "disturbance", "adversary"), "a finite number of at least 0"),
+    "mass": "a finite number above 0",
+    "delay": f"from 0 to {CONTROL_PERIOD:g} s",
+}
+
+
+def _number(name: str, given: Any) -> float:
+    """A plant parameter that is a number, within its range."""
+    try:
+        value = float(given)
+    except (TypeError, ValueError):
+        value = np.nan
+    beyond = (name == "mass" and value == 0) or (name == "delay" and value > CONTROL_PERIOD)
+    if beyond or not (np.isfinite(value) and value >= 0):
+        raise InvalidParameterError(f"{name} must be {_RANGES[name]}, got {given!r}")
+    return value
 
 
 PARAM_KINDS = {field.name: field.type for field in dataclasses.fields(PlantParams)}  # "str" or "float"
@@ -97,11 +125,16 @@ def draw_params(randomize: Mapping[str, Sequence], rng: np.random.Generator) -> 
     return drawn
 
 
-def check_randomize(randomize: Mapping[str, Sequence] | None) -> dict[str, list]:
+def check_randomize(randomize: Mapping[str, Sequence] | None, params: PlantParams) -> dict[str, list]:
     """Validate a `randomize` argument and return it as a plain dict of lists.
 
+    Args:
+        randomize: the argument.
+        params: what the other parameters are.
+
     Raises:
-        InvalidParameterError: if an entry is neither a range [low, high] nor a list of names.
+        InvalidParameterError: if an entry is neither a range [low, high] nor a list of names, or if values
+            that do not fit together could be drawn.
         UnknownNameError: for an unknown parameter or name.
     """
     checked = {}
@@ -115,9 +148,9 @@ def check_randomize(randomize: Mapping[str, Sequence] | None) -> dict[str, list]
             raise InvalidParameterError(
                 f"randomize[{name!r}] must be a range [low, high] or a list of names, got {randomize[name]!r}"  # type: ignore[index]
             )
-        for choice in choices:
-            PlantParams().replace({name: choice})
         checked[name] = choices
+    for drawn in product(*checked.values()):
+        params.replace(dict(zip(checked, drawn, strict=True)))
     return checked
 
 

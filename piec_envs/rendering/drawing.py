@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from piec_envs.dynamics.free_bodies import planar
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.escape.field import key_points_world
 from piec_envs.geometry.kinematics import link_frames
@@ -29,6 +30,7 @@ INK = "#1d2230"  # outlines and text
 LINK = "#e9ebef"
 TOUCHED = "#e8849a"  # links in contact
 OBJECT = "#f6c445"
+LOOSE = "#b07a4f"  # bodies that come with an object
 GOAL = "#1fa774"
 KEY_POINT = "#d6252f"
 PATH = "#4be3f2"  # fastest escape
@@ -168,6 +170,21 @@ def draw_object(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
     inner, outer = 0.35 * item.bounding_radius, 0.75 * item.bounding_radius
     line: dict[str, Any] = {name: style.get(name) for name in ("linewidth", "alpha", "zorder")}
     ax.plot(pose[0] + c * np.array([inner, outer]), pose[1] + s * np.array([inner, outer]), color=INK, **line)
+
+
+def draw_loose(ax: Axes, item: Object, places: np.ndarray, **style: Any) -> None:
+    """Draw the loose bodies of an object.
+
+    Args:
+        ax: where to draw.
+        item: the object.
+        places: position and quaternion of each, shape (k, 7).
+        style: properties of a Matplotlib patch.
+    """
+    style = {"facecolor": LOOSE, "edgecolor": INK, "linewidth": 0.9, "zorder": 5.8, **style}
+    for body, (x, y, angle) in zip(item.loose, planar(places, np.zeros(len(places))), strict=True):
+        frame = np.array([x, y, np.cos(angle), np.sin(angle)])
+        ax.add_artist(union_patch([_placed(shape, frame) for shape in body.shapes], **style))
 
 
 def draw_key_points(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.dynamics.free_bodies import places_of
 from piec_envs.episodes.tasks import MEASURES
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.escape.grid import GridField
@@ -18,6 +19,7 @@ from piec_envs.rendering.drawing import (
     draw_escape_path,
     draw_goal,
     draw_key_points,
+    draw_loose,
     draw_object,
     draw_reference,
     draw_robot,
@@ -89,7 +91,9 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
         draw_trail(ax, trail)
     draw_goal(ax, batch.task.goal)
     draw_robot(ax, batch.robot, q, batch.contact[row])
-    draw_object(ax, get_object(batch.state.params[row].object), pose)
+    item = get_object(batch.state.params[row].object)
+    draw_loose(ax, item, places_of(item, q, pose, batch.state.memory[row])[1:])
+    draw_object(ax, item, pose)
     _caption(ax, batch, row)
     _look_at(ax, base_position(batch.robot, q), MARGIN * batch.robot.workspace_radius)
     return pixels(figure)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from piec_envs.dynamics.free_bodies import places_of, poses_at_start, upright
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import RenderingError
 from piec_envs.rendering.drawing import base_position, close_view
@@ -69,8 +70,10 @@ class SpaceFrames:
             marks += [Mark(point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL) for point in reference]
         if trail is not None and len(trail) > 1:
             marks += [Mark(point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL) for point in _thinned(trail, TRAIL_MARKS)]
-        name = batch.state.params[row].object
-        return self.scene(batch.robot, name, batch.state.q_r[row], batch.state.pose[row], marks)
+        state = batch.state
+        places = places_of(get_object(state.params[row].object), state.q_r[row], state.pose[row], state.memory[row])
+        name = state.params[row].object
+        return self.scene(batch.robot, name, state.q_r[row], state.pose[row], marks, loose=places[1:])
 
     def scene(
         self,
@@ -80,6 +83,7 @@ class SpaceFrames:
         pose: np.ndarray,
         marks: Sequence[Mark] = (),
         close: bool = False,
+        loose: np.ndarray | None = None,
     ) -> np.ndarray:
         """Draw a robot and an object.
 
@@ -90,6 +94,8 @@ class SpaceFrames:
             pose: the object's x, y, angle, shape (3,), m, rad.
             marks: discs on the table.
             close: whether to show the surroundings of robot and object alone.
+            loose: position and quaternion of each of the object's loose bodies, shape (k, 7); None stands
+                them where episodes begin.
 
         Returns:
             The picture, shape (720, 720, 3), uint8.
@@ -100,8 +106,10 @@ class SpaceFrames:
         renderer, data = self._renderer(robot, object_name)
         import mujoco
 
-        (x, y, angle), item = pose, get_object(object_name)
-        data.qpos[:] = (*q, x, y, item.height / 2, np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
+        item = get_object(object_name)
+        places = upright(item, poses_at_start(item, pose))
+        places[1:] = places[1:] if loose is None else loose
+        data.qpos[:] = (*q, *places.ravel())
         mujoco.mj_kinematics(renderer.model, data)
         mujoco.mj_comPos(renderer.model, data)
         mujoco.mj_camlight(renderer.model, data)

@@ -15,6 +15,23 @@ MIN_KEY_POINT_DEPTH = 0.035  # m
 
 
 @dataclass(frozen=True, eq=False)
+class Loose:
+    """A free body that comes with an object and is not fixed to it.
+
+    Args:
+        shapes: its geometry in its own frame.
+        pose: x, y, angle at the start of an episode, in the object's frame, m and rad.
+        mass: kg.
+        height: of the upright prism that it is in space, m.
+    """
+
+    shapes: tuple[RoundedPolygon, ...]
+    pose: tuple[float, float, float]
+    mass: float
+    height: float
+
+
+@dataclass(frozen=True, eq=False)
 class Object:
     """A rigid object in the plane.
 
@@ -24,6 +41,8 @@ class Object:
         key_points: centres of inscribed discs, where the escape time is asked, shape (k, 2), m.
         mass: kg.
         height: of the upright prism that it is in space, m.
+        loose: free bodies beside it, which move under MuJoCo alone. Distances, escape times and
+            static caging know the object without them.
 
     Raises:
         InvalidShapeError: if a key point lies less than 0.035 m inside the surface.
@@ -34,6 +53,7 @@ class Object:
     key_points: np.ndarray
     mass: float = 0.5
     height: float = 0.1
+    loose: tuple[Loose, ...] = ()
 
     def __post_init__(self):
         for point in self.key_points:
@@ -73,10 +93,25 @@ def _grid(x: tuple[float, ...], y: tuple[float, ...]) -> np.ndarray:
     return np.array([(a, b) for b in y for a in x])
 
 
+_ROLLS = _grid((-0.1, 0.0, 0.1), (-0.05, 0.05))  # (6, 2) of a paper pack
+_ROLL_RADIUS = 0.05  # m
+_PACK_HEIGHT = 0.22  # m
+# Where the loose roll beside the box stands: 1 mm from the middle of each edge, long edges first.
+_PLACEMENTS = ((0.0, 0.161), (0.0, -0.161), (0.206, 0.0), (-0.206, 0.0))  # m
+
+
+def _a4_box(name: str, *placements: tuple[float, float]) -> Object:
+    """The box that a paper pack is taken for, with a loose roll at each placement (m) in its frame."""
+    rolls = [Loose((disc(_ROLL_RADIUS),), (*at, 0.0), mass=0.1, height=_PACK_HEIGHT) for at in placements]
+    return Object(name, (box(0.31, 0.22),), _ROLLS, mass=0.6, height=_PACK_HEIGHT, loose=tuple(rolls))
+
+
 _TRIANGLE = np.array([(np.cos(a), np.sin(a)) for a in np.pi / 2 + 2 * np.pi / 3 * np.arange(3)])
 
 # Everyday objects are as tall as they are; the others could be of any height. A box is held by its centre
 # and by discs in its corners, of the radius of the rolls in a paper pack.
+# A paper pack is six rolls; wrapped it is their rounded outline, and the sharp box is larger still. The three
+# have the same key points, so that they are held alike whatever they are.
 # The polygons contain the circle (same apothem): corner excess 6.2, 11.6 and 31.1 mm.
 OBJECTS = {
     item.name: item
@@ -92,7 +127,15 @@ OBJECTS = {
         Object(
             "box", (box(0.3, 0.2),), np.concatenate([np.zeros((1, 2)), _grid((-0.1, 0.1), (-0.05, 0.05))]), height=0.25
         ),
-        _discs("paper_pack", _grid((-0.1, 0.0, 0.1), (-0.05, 0.05)), 0.05, height=0.22),
+        _discs("paper_pack", _ROLLS, _ROLL_RADIUS, height=_PACK_HEIGHT),
+        Object(
+            "paper_pack_wrapped",
+            (RoundedPolygon(box(0.2, 0.1).vertices, _ROLL_RADIUS),),
+            _ROLLS,
+            height=_PACK_HEIGHT,
+        ),
+        _a4_box("a4_box"),
+        *(_a4_box(f"a4_box_roll_{k}", at) for k, at in enumerate(_PLACEMENTS, start=1)),
     )
 }
 

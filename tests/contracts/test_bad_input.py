@@ -48,6 +48,20 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"friction": "high"}, InvalidParameterError, "friction"),
         ({"start_noise": (0.01,)}, InvalidParameterError, "start_noise"),
         ({"start_noise": (-0.01, 0.0)}, InvalidParameterError, "start_noise"),
+        ({"dynamics": "mujoco", "mass": 0.0}, InvalidParameterError, "mass must be a finite number above 0, got 0"),
+        ({"mass": -1.0}, InvalidParameterError, "mass"),
+        ({"mass": np.inf}, InvalidParameterError, "mass"),
+        ({"dynamics": "mujoco", "delay": 0.11}, InvalidParameterError, "delay must be from 0 to 0.1 s, got 0.11"),
+        ({"dynamics": "mujoco", "delay": -0.01}, InvalidParameterError, "delay"),
+        ({"delay": 0.02}, InvalidParameterError, "delay must be 0 under dynamics='quasi_dynamic'.*mujoco"),
+        ({"randomize": {"delay": [0.0, 0.02]}}, InvalidParameterError, "delay must be 0 .*mujoco"),
+        (
+            {"delay": 0.02, "dynamics": "mujoco", "randomize": {"dynamics": ["mujoco", "quasi_dynamic"]}},
+            InvalidParameterError,
+            "delay must be 0 .*mujoco",
+        ),
+        ({"object": "a4_box_roll_1"}, InvalidParameterError, "'a4_box_roll_1' has loose bodies.*mujoco"),
+        ({"randomize": {"object": ["a4_box", "a4_box_roll_1"]}}, InvalidParameterError, "loose bodies.*mujoco"),
         ({"escape_every": 0}, InvalidParameterError, "escape_every"),
         ({"escape_field": None, "prior": "caging"}, InvalidParameterError, "escape field"),
         ({"escape_field": None, "adversary": 1.0}, InvalidParameterError, "escape field"),
@@ -130,6 +144,10 @@ def test_bad_reset_options():
         env.reset(options={"params": {"adversary": 1.0}})
     with pytest.raises(InvalidParameterError, match="mapping"):
         env.reset(options={"params": ["friction"]})
+    with pytest.raises(InvalidParameterError, match="delay must be 0"):
+        env.reset(options={"params": {"delay": 0.02}})
+    with pytest.raises(InvalidParameterError, match="loose bodies"):
+        env.reset(options={"params": {"object": "a4_box_roll_1"}})
     with pytest.raises(InvalidStateError, match="mapping"):
         env.reset(options={"state": "start"})
     with pytest.raises(InvalidStateError, match="State"):

@@ -29,10 +29,11 @@ CHOICES = [
     {"goal": (-0.2, 0.45), "weights": {"task": 500.0}},
     {"friction": 0.0, "threads": 1},
     {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"], "disturbance": [0.0, 0.005]}},
-    *({"object": name, "escape_every": 50} for name in OBJECTS),
+    *({"object": name, "escape_every": 50} for name, item in OBJECTS.items() if not item.loose),
     *({"dynamics": "mujoco", "object": name, "escape_field": None} for name in OBJECTS),
     {"dynamics": "mujoco", "disturbance": 0.005, "adversary": 0.5, "start_noise": (0.01, 0.05), "friction": 0.0},
     {"randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]}, "goal_conditioned": True},
+    {"dynamics": "mujoco", "randomize": {"mass": [0.5, 2.0], "delay": [0.0, 0.1]}},
 ]
 NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
 STATIC = tuple(env_id for env_id in ENVS if env_id not in MOTIONS)  # one step, no plant
@@ -54,6 +55,10 @@ ROW_CHOICES = [
     {"randomize": {"friction": [0.1, 0.9]}},
     {"dynamics": "mujoco", **NOISY},
     {"randomize": MIXED},
+    {
+        "dynamics": "mujoco",
+        "randomize": {"object": ["a4_box", "a4_box_roll_1"], "mass": [0.5, 2.0], "delay": [0.0, 0.1]},
+    },
 ]
 EVERY_ROW = [(env_id, choice) for env_id in MOTIONS for choice in ROW_CHOICES] + [
     (env_id, choice) for env_id in STATIC for choice in ({}, {"object": "square", "dtype": "float32"})

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from piec_envs.errors import InvalidParameterError, UnknownNameError
-from piec_envs.wrappers import MISMATCHES, FrictionMismatch, Mismatch, VectorMismatch
+from piec_envs.wrappers import MISMATCHES, DynamicsMismatch, FrictionMismatch, Mismatch, ShapeMismatch, VectorMismatch
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 VALUES = {
@@ -63,6 +63,10 @@ def test_bad_parameters_are_refused_at_once():
         Mismatch(env, colour="red")
     with pytest.raises(InvalidParameterError, match="friction"):
         Mismatch(env, friction=-1.0)
+    with pytest.raises(InvalidParameterError, match="delay must be 0"):
+        Mismatch(env, delay=0.02)
+    with pytest.raises(InvalidParameterError, match="loose bodies"):
+        ShapeMismatch(env, object="a4_box_roll_1")
     with pytest.raises(InvalidParameterError, match="adversary"):
         VectorMismatch(gym.make_vec(PUSH, num_envs=1, escape_field=None), adversary=1.0)
 
@@ -85,3 +89,29 @@ def test_randomize_draws_from_the_seed_and_reports():
     assert 0.2 <= first["friction"].min() < 0.3 and 0.7 < first["friction"].max() <= 0.8
     assert set(first["object"]) == {"circle", "square"}
     assert set(first["dynamics"]) == {"mujoco", "quasi_dynamic"}
+
+
+REAL = {"dynamics": "mujoco", "object": "a4_box_roll_1", "mass": 1.5, "delay": 0.04}
+
+
+def test_mass_and_delay_are_injected_as_all_others():
+    wrapped, seen = outcome(Mismatch(gym.make(PUSH, escape_field=None), **REAL))
+    by_keyword, _ = outcome(gym.make(PUSH, escape_field=None, **REAL))
+    by_option, _ = outcome(gym.make(PUSH, escape_field=None), {"params": REAL})
+    np.testing.assert_array_equal(wrapped, by_keyword)
+    np.testing.assert_array_equal(wrapped, by_option)
+    assert {name: seen[name] for name in REAL} == REAL
+
+
+def test_what_is_drawn_and_what_is_injected_are_judged_together():
+    """A delay that is drawn suits MuJoCo alone: as drawn with it, or injected with the same reset."""
+    drawn = gym.make(PUSH, escape_field=None, randomize={"dynamics": ["mujoco"], "delay": [0.01, 0.09]})
+    delays = [drawn.reset(seed=seed)[1]["params"]["delay"] for seed in range(5)]
+    assert len(set(delays)) == 5 and all(0.01 <= delay <= 0.09 for delay in delays)
+    with pytest.raises(InvalidParameterError, match="delay must be 0"):
+        drawn.reset(options={"params": {"dynamics": "quasi_dynamic"}})
+    delayed = gym.make(PUSH, escape_field=None, dynamics="mujoco", randomize={"delay": [0.01, 0.09]})
+    DynamicsMismatch(delayed, dynamics="quasi_dynamic")  # fits until a delay is drawn
+    with pytest.raises(InvalidParameterError, match="delay must be 0"):
+        delayed.reset(seed=0)
+    assert delayed.reset(seed=0, options={"params": {"dynamics": "mujoco"}})[1]["params"]["delay"] > 0

@@ -16,7 +16,8 @@ from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
 PUSH = "piec_envs/PlanarArmPush-v0"
-every_object = pytest.mark.parametrize("object_name", OBJECTS)
+RIGID = [name for name, item in OBJECTS.items() if not item.loose]  # every dynamics moves them
+every_object = pytest.mark.parametrize("object_name", RIGID)
 
 
 def plant_of(object_name, rows=1) -> Plant:
@@ -147,13 +148,13 @@ def test_model_is_the_scene():
 def test_random_actions_hold_the_penetration(random_motion, sigma, rows):
     """Random actions held for 50 to 200 steps: 10,000 control steps without displacements, and some with them."""
     steps, contact, depth = 0, 0, 0.0
-    for seed, object_name in enumerate(OBJECTS):
+    for seed, object_name in enumerate(RIGID):
         motion = random_motion(object_name, rows=rows, steps=120, seed=seed, sigma=sigma, dynamics=MujocoDynamics())
         assert not motion.diverged.any()
         steps, contact = steps + motion.actions[..., 0].size, contact + motion.contact[:, 1:].any(axis=2).sum()
         depth = max(depth, float(-motion.link_distance.min()))
     print(f"\n{steps} control steps, in contact {contact / steps:.1%}, penetration at most {1e3 * depth:.3f} mm")
-    assert steps >= 420 * rows and contact / steps >= 0.3 and depth < 3e-3
+    assert steps >= 420 * rows and contact / steps >= 0.25 and depth < 3e-3
 
 
 def test_a_displacement_is_cut_at_the_first_contact():
@@ -181,7 +182,8 @@ def test_an_overlap_is_relaxed_before_the_clock_starts(object_name):
     q, pose = np.zeros((2, 4)), np.array([[0.6, reach, 0.0], [0.6, 0.5, 0.0]])
     plant = plant_of(object_name, 2)
     dynamics = MujocoDynamics()
-    settled = dynamics.settle(q, pose, plant)
+    settled, memory = dynamics.settle(q, pose, plant)
+    assert [len(row) for row in memory] == [0, 0]  # a state of rest says everything
     depth = -dynamics.rollout(q, q, settled, Commands(np.zeros((2, 0, 4))), plant).link_distance[0].min()
     assert depth <= 1e-4 and np.hypot(*(settled - pose)[0, :2]) < 0.03
     np.testing.assert_array_equal(settled[1], pose[1])

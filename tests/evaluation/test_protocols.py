@@ -33,8 +33,8 @@ def test_rows_make_an_env(name):
 
 
 def test_the_issues_protocols_are_there():
-    frictions = [f"friction-{mu}" for mu in ("0.00", "0.25", "0.50", "0.75", "1.00")]
-    shapes = [f"shape-{name}" for name in ("octagon", "hexagon", "square")]
+    frictions = [f"friction-{mu}" for mu in ("0.00", "0.20", "0.25", "0.50", "0.75", "0.80", "1.00")]
+    shapes = [f"shape-{name}" for name in ("octagon", "hexagon", "square", "box_212")]
     assert set(PLAIN) == {"nominal", *frictions, *shapes, "dynamics-mujoco", *LEVELS, "adversary", "combined"}
     assert get_protocol("disturbance-3mm-direction").params == {
         "disturbance": 0.003,

@@ -52,6 +52,36 @@ def test_shallow_key_points_are_refused():
         Object("thin", (box(0.3, 0.06),), key_points=np.zeros((1, 2)))
 
 
+PACKS = ("paper_pack", "paper_pack_wrapped", "a4_box", *(f"a4_box_roll_{k}" for k in range(1, 5)))
+
+
+@pytest.mark.parametrize("name", PACKS)
+def test_packs_have_the_same_key_points_and_height(name):
+    planned, item = get_object("paper_pack"), get_object(name)
+    np.testing.assert_array_equal(item.key_points, planned.key_points)
+    np.testing.assert_array_equal(item.key_points, [shape.vertices[0] for shape in planned.shapes])
+    assert item.height == planned.height and item.mass == (0.5 if name.startswith("paper") else 0.6)
+
+
+def test_a_wrapped_pack_is_the_outline_of_the_rolls_and_the_box_contains_it():
+    (wrapped,), (sharp,) = get_object("paper_pack_wrapped").shapes, get_object("a4_box").shapes
+    rim = np.concatenate([shape.outline() for shape in get_object("paper_pack").shapes])  # (m, 2)
+    inner = np.maximum(np.abs(rim) - (0.1, 0.05), 0.0)  # beyond the rounded rectangle's core
+    assert np.linalg.norm(inner, axis=1).max() == pytest.approx(wrapped.radius)
+    np.testing.assert_allclose(np.ptp(wrapped.outline(), axis=0), (0.3, 0.2))
+    np.testing.assert_allclose(np.ptp(sharp.outline(), axis=0), (0.31, 0.22))
+
+
+def test_each_loose_roll_stands_a_millimetre_beside_the_box():
+    rolls = [get_object(name).loose for name in PACKS[3:]]
+    centres = np.array([roll.pose[:2] for (roll,) in rolls])
+    gaps = np.linalg.norm(np.maximum(np.abs(centres) - (0.155, 0.11), 0.0), axis=1) - 0.05
+    np.testing.assert_allclose(gaps, 1e-3, atol=1e-12)
+    assert len({tuple(centre) for centre in centres}) == 4
+    assert {(roll.mass, roll.height, roll.shapes[0].radius) for (roll,) in rolls} == {(0.1, 0.22, 0.05)}
+    assert not any(get_object(name).loose for name in PACKS[:3])
+
+
 @pytest.mark.parametrize("name", OBJECTS)
 def test_every_object_packs(name):
     scene = pack_scene("planar_arm", name)
