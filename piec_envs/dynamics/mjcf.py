@@ -30,6 +30,8 @@ OBJECT_FRICTION = 0.4  # between the object and a loose body
 # millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks and slips.
 ARM_CONTACT = {"solref": (0.008, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
 TABLE_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
+PALE = 0.3  # opacity of parts that can touch the object in another row of the robot alone
+CARRIAGE = (1.0, 0.01, 0.01, 0.01)  # mass (kg) and inertia (kg m^2) of a frame that carries no link
 SOLID_COLOUR = (0.93, 0.93, 0.95, 1.0)
 LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.42, 0.55, 0.70, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.93, 0.91, 1.0)
 LOOSE_COLOUR = (0.62, 0.38, 0.22, 1.0)
@@ -117,32 +119,36 @@ def _add_robot(spec: Any, robot: Robot, height: float) -> list[str]:
             name=joint.name, type=kind, axis=axis, armature=joint.armature,
             range=[joint.lower, joint.upper], limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         )  # fmt: skip
+        if not any(link.frame == len(frames) for link in (*robot.links, *robot.scenery)):
+            body.mass, body.inertia, body.explicitinertial = CARRIAGE[0], CARRIAGE[1:], True
         frames.append(body)
         drive = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         drive.gaintype, drive.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         drive.gainprm[0] = joint.stiffness
         drive.biasprm[1], drive.biasprm[2] = -joint.stiffness, -joint.damping
         drive.forcelimited, drive.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-joint.effort, joint.effort]
+    pale = PALE if robot.whole_name != robot.name else 1.0
     for link in robot.scenery:
-        _add_solids(spec, frames[link.frame], link)
-    names = []
-    for link in robot.links:
-        if link.solids:
-            names += _add_solids(spec, frames[link.frame], link)
-        else:
-            part = _Part(link.name, link.shapes, link.mass, LINK_COLOUR, is_link=True)
-            names += _add_part(spec, frames[link.frame], part, height)
-    return names
+        _add_link(spec, frames[link.frame], link, height, pale)
+    return [name for link in robot.links for name in _add_link(spec, frames[link.frame], link, height, 1.0)]
 
 
-def _add_solids(spec: Any, body: Any, link: Link) -> list[str]:
+def _add_link(spec: Any, body: Any, link: Link, height: float, opacity: float) -> list[str]:
+    """The solids of a link, or else its shapes given a height; returns the names of the geoms."""
+    if link.solids:
+        return _add_solids(spec, body, link, (*SOLID_COLOUR[:3], opacity))
+    part = _Part(link.name, link.shapes, link.mass, (*LINK_COLOUR[:3], opacity), is_link=True)
+    return _add_part(spec, body, part, height)
+
+
+def _add_solids(spec: Any, body: Any, link: Link, colour: tuple[float, ...]) -> list[str]:
     """One convex mesh for each solid of a link, with an equal share of its mass; returns their names."""
     names = [f"{link.name} solid {k}" for k in range(len(link.solids))]
     for name, corners in zip(names, link.solids, strict=True):
         spec.add_mesh(name=name, uservert=corners.ravel())
         body.add_geom(
             name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=link.mass / len(names),
-            rgba=SOLID_COLOUR, **_NO_COLLISION,
+            rgba=colour, **_NO_COLLISION,
         )  # fmt: skip
     return names
 

@@ -70,7 +70,7 @@ class Robot:
         links: the parts that can touch the object.
         home: the configuration of a fresh episode, shape (n,), rad or m.
         workspace_radius: radius of the escape disc around the base, m.
-        scenery: parts that touch nothing and are only drawn; they need solids or shapes, not both.
+        scenery: parts that touch nothing and are only drawn; one without shapes is not drawn in the plane.
         geometry_source: where its shapes come from, for records.
         whole: row of the same robot with all its parts as links, where this one has some of them as
             scenery; "" is this row itself.
