@@ -71,7 +71,7 @@ class ExhaustiveConfiguration:
         Raises:
             InvalidParameterError: for another robot, or if all postures of the grid overlap something.
         """
-        outer, inner = self._grids(problem)
+        outer, inner = outer_postures(problem, self.headings, self.offset), inner_postures(problem, self.spacing)
         chunk = max(1, CANDIDATES // len(outer))
         values, top = np.full((len(inner), len(outer)), -np.inf), 0.0  # (B, H), s
         for i in range(0, len(inner), chunk):
@@ -86,30 +86,6 @@ class ExhaustiveConfiguration:
         found = [polish.solve(problem, (*seeds, k), q) for k, q in enumerate(self._best(outer, inner, values))]
         best = max(found, key=lambda one: (one.feasible, one.escape_time))
         return dataclasses.replace(best, queries=len(inner) + sum(one.queries for one in found))
-
-    def _grids(self, problem: CagingProblem) -> tuple[np.ndarray, np.ndarray]:
-        """Places of the base with headings, shape (H, b + 1), and postures of the inner joints, (B, n - b - 1)."""
-        robot = get_robot(problem.robot)
-        b, lower, upper = robot.base_dof, problem.lower, problem.upper
-        if problem.pose.ndim != 1 or b not in (0, 2) or np.hypot(*robot.joints[b].origin[:2]) > 0:
-            raise InvalidParameterError(
-                "exhaustive search needs one pose, and a robot whose first joint that turns does so about the base, "
-                f"which stands still or slides along x and y; got poses of shape {problem.pose.shape} and "
-                f"{problem.robot!r}"
-            )
-        counts = np.ceil((upper - lower) / self.spacing).astype(int) + 1
-        axes = [np.linspace(lower[j], upper[j], counts[j]) for j in range(b + 1, len(lower))]
-        ends = (lower[b], upper[b]) if self.headings > 1 else ((lower[b] + upper[b]) / 2,) * 2
-        heads = np.linspace(*ends, self.headings)
-        places = self._places(problem, robot.workspace_radius) if b else np.zeros((1, 0))
-        outer = np.column_stack([np.repeat(places, len(heads), axis=0), np.tile(heads, len(places))])
-        return outer, np.array(list(itertools.product(*axes)))
-
-    def _places(self, problem: CagingProblem, radius: float) -> np.ndarray:
-        """Places of a sliding base from which the object's origin is in the workspace, shape (H, 2), m."""
-        steps = self.offset * np.arange(-int(radius / self.offset), int(radius / self.offset) + 1)
-        places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        return problem.pose[:2] + places[np.hypot(*places.T) < radius]
 
     def _values(self, problem: CagingProblem, outer: np.ndarray, inner: np.ndarray, least: float) -> np.ndarray:
         """Escape time of each inner posture for each outer one, shape (B, H), s.
@@ -147,3 +123,42 @@ class ExhaustiveConfiguration:
             if len(kept) == self.polished:
                 break
         return np.array(kept)
+
+
+def outer_postures(problem: CagingProblem, headings: int, offset: float) -> np.ndarray:
+    """Places of the base, if it slides, with headings of the first joint that turns.
+
+    Args:
+        problem: with one pose.
+        headings: evenly spaced within that joint's limits; 1 is the middle.
+        offset: of the places, from which the object's origin is in the workspace, m.
+
+    Returns:
+        Shape (H, b + 1), m and rad.
+
+    Raises:
+        InvalidParameterError: for several poses, or if that joint is not at the base.
+    """
+    robot, (lower, upper) = get_robot(problem.robot), (problem.lower, problem.upper)
+    b, radius = robot.base_dof, robot.workspace_radius
+    if problem.pose.ndim != 1 or b not in (0, 2) or np.hypot(*robot.joints[b].origin[:2]) > 0:
+        raise InvalidParameterError(
+            "exhaustive search needs one pose, and a robot whose first joint that turns does so about the base, "
+            f"which stands still or slides along x and y; got poses of shape {problem.pose.shape} and "
+            f"{problem.robot!r}"
+        )
+    ends = (lower[b], upper[b]) if headings > 1 else ((lower[b] + upper[b]) / 2,) * 2
+    heads, places = np.linspace(*ends, headings), np.zeros((1, 0))
+    if b:
+        steps = offset * np.arange(-int(radius / offset), int(radius / offset) + 1)
+        places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        places = problem.pose[:2] + places[np.hypot(*places.T) < radius]
+    return np.column_stack([np.repeat(places, headings, axis=0), np.tile(heads, len(places))])
+
+
+def inner_postures(problem: CagingProblem, spacing: float) -> np.ndarray:
+    """All postures of the joints after that, at most `spacing` (rad) apart, shape (B, n - b - 1), rad."""
+    first = get_robot(problem.robot).base_dof + 1
+    lower, upper = problem.lower[first:], problem.upper[first:]
+    counts = np.ceil((upper - lower) / spacing).astype(int) + 1
+    return np.array(list(itertools.product(*map(np.linspace, lower, upper, counts))))

@@ -93,6 +93,11 @@ STUDIES = {
             "evaluation.studies.franka_caging",
             "how well the whole arm of a Franka encloses everyday objects (paper, section 7.1)",
         ),
+        Study(
+            "franka-starts",
+            "evaluation.studies.franka_starts",
+            "where the moving Franka begins: static problems with the base free (paper, section 7.2)",
+        ),
     )
 }
 
