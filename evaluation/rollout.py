@@ -101,7 +101,7 @@ def _predict_of(policy: Any) -> Predict:
 def _check_fit(policy: Any, env_id: str, batch: EpisodeBatch) -> None:
     plan: Any = getattr(policy, "plan", None)
     if hasattr(plan, "check_fits"):
-        plan.check_fits(env_id, batch.robot.name)
+        plan.check_fits(env_id, batch.robot.name, batch.config.posture)
 
 
 def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict[str, np.ndarray]:

@@ -1,7 +1,8 @@
-"""Planners: via-point trajectories by CMA-ES, plan files and their policy; and searches for enclosing postures."""
+"""Planners (CMA-ES over via points, rigid carrying), plan files and their policy; searches for enclosing postures."""
 
 from piec_envs.episodes.posture import CagingProblem
 from planners.base import OpenLoopPolicy, Plan
+from planners.carry import RigidCarry
 from planners.cma_es import CmaEsPlanner
 from planners.configuration import CmaEsConfiguration, Configuration
 from planners.exhaustive import ExhaustiveConfiguration
@@ -15,5 +16,6 @@ __all__ = [
     "ExhaustiveConfiguration",
     "OpenLoopPolicy",
     "Plan",
+    "RigidCarry",
     "SqpConfiguration",
 ]

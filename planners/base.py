@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,16 @@ from typing import Any
 import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
+from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.observation import observation_layout
+from piec_envs.episodes.state import State
+from piec_envs.episodes.tasks import MEASURES
 from piec_envs.errors import InvalidActionError, PlanError
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import ROBOTS, get_robot
 
 FORMAT = "piec-plan-1"
+SAME_START = 1e-6  # rad or m
 _META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
 
 
@@ -90,11 +95,16 @@ class Plan:
             raise PlanError(f"{path} has a path of shape {plan.path.shape} for {len(plan.joints)} joints")
         return plan
 
-    def check_fits(self, env_id: str, robot_name: str) -> None:
+    def check_fits(self, env_id: str, robot_name: str, start: np.ndarray) -> None:
         """Refuse an environment that this plan was not made for.
 
+        Args:
+            env_id: its id.
+            robot_name: its robot.
+            start: where its arm starts, shape (n,), rad or m.
+
         Raises:
-            PlanError: if the id, the robot or its joints differ.
+            PlanError: if the id, the robot, its joints or the start differ.
         """
         if env_id != self.env_id:
             raise PlanError(f"this plan is for {self.env_id!r}, not for {env_id!r}")
@@ -103,6 +113,42 @@ class Plan:
             raise PlanError(
                 f"this plan moves joints {list(self.joints)} of {self.robot!r}, not {list(joints)} of {robot_name!r}"
             )
+        if np.abs(start - self.path[0]).max() > SAME_START:
+            raise PlanError(
+                f"this plan starts at {np.round(self.path[0], 3).tolist()}, but the arm at "
+                f"{np.round(start, 3).tolist()}; take the keyword argument `start` that it was planned with"
+            )
+
+
+def realised_plan(
+    batch: EpisodeBatch,
+    start: State,
+    path: np.ndarray,
+    cost: Callable[[np.ndarray], np.ndarray] | None = None,
+    **about: Any,
+) -> Plan:
+    """The plan that executes what a nominal rollout of a path realises.
+
+    Args:
+        batch: the nominal model.
+        start: one state.
+        path: commanded joint positions, shape (N, n), rad or m.
+        cost: of realised paths (B, N, n), shape (B,); None is the summed stage cost.
+        about: the plan's other fields: env_id, env_kwargs, via_points, objective, preset and seed.
+    """
+    realised = batch.rollout(start, path[None], absolute=True).motion.q_r  # (1, N + 1, n)
+    rollout = batch.rollout(start, realised[:, 1:], absolute=True)
+    measured = {name: float(rollout.column(name)[0, -1]) for name in ("goal_distance", "d2g")}
+    terms = {f"sum_{n}": float(rollout.column(n)[0, 1:].sum()) for n in MEASURES if n.startswith("cost_")}
+    return Plan(
+        robot=batch.robot.name,
+        joints=tuple(joint.name for joint in batch.robot.joints),
+        horizon=batch.task.horizon,
+        path=realised[0],
+        cost=float((rollout.cost if cost is None else cost(realised[:, 1:]))[0]),
+        nominal={**measured, **terms},
+        **about,
+    )
 
 
 class OpenLoopPolicy:

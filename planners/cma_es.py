@@ -14,11 +14,12 @@ from tqdm import tqdm
 
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import MEASURES, PRESETS
+from piec_envs.episodes.tasks import PRESETS
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import choose_field
 from piec_envs.registration import MOTIONS
-from planners.base import Plan
+from planners.base import Plan, realised_plan
+from planners.carry import carried_base
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective
 from planners.strategy import NOISE_STREAM, make_strategy
@@ -209,22 +210,15 @@ class _Search:
         home, points = self.start.q_r[0], self.planner.via_points
         if self.planner.start == "rest":
             return np.repeat(home[None], points, axis=0)
-        if self.batch.robot.base_dof:
-            return home + self._carried()
+        base, share = self.batch.robot.base_dof, np.linspace(0, 1, points + 1)[1:]  # (points,)
+        if base:
+            via = np.repeat(home[None], points, axis=0)
+            via[:, :base] += carried_base(self.batch, self.start.pose[0, :2], share, self.planner.arrive)
+            return via
         escape = self.batch.field or choose_field(self.planner.escape_field, self.batch.robot.name)
         pose = np.append(self.batch.task.goal, 0.0)
         posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl=(-1.0) ** restart)
-        return home + np.minimum(1.0, np.linspace(0, 1, points + 1)[1:, None] / self.planner.arrive) * (posture - home)
-
-    def _carried(self) -> np.ndarray:
-        """How the base moves at the via points when it carries the object to the goal, shape (points, n)."""
-        planner, task, start = self.planner, self.batch.task, self.start.pose[0, :2]
-        share = np.linspace(0, 1, planner.via_points + 1)[1:, None]  # (points, 1)
-        moved = np.zeros((planner.via_points, len(self.lower)))
-        moved[:, :2] = np.minimum(1.0, share / planner.arrive) * (task.goal - start)
-        if self.batch.tracking:
-            moved[:, :2] = task.reference[np.rint(share[:, 0] * task.horizon).astype(int)] - start
-        return moved
+        return home + np.minimum(1.0, share[:, None] / self.planner.arrive) * (posture - home)
 
     def _limit(self, x) -> np.ndarray:
         """Candidate as via points within the joint limits; the arm rests after the last one given.
@@ -244,25 +238,10 @@ class _Search:
         return min(plans, key=lambda plan: (plan.nominal["d2g"] > 0, plan.cost))
 
     def _make_plan(self, env_id: str, nominal: dict[str, Any], via: np.ndarray) -> Plan:
-        realised = self.batch.rollout(self.start, self._paths(via[None]), absolute=True).motion.q_r  # (1, N + 1, n)
-        cost = float(self._final_cost(realised[:, 1:])[0])
-        rollout = self.batch.rollout(self.start, realised[:, 1:], absolute=True)
-        measured = {name: float(rollout.column(name)[0, -1]) for name in ("goal_distance", "d2g")}
-        terms = {f"sum_{n}": float(rollout.column(n)[0, 1:].sum()) for n in MEASURES if n.startswith("cost_")}
-        return Plan(
-            env_id=env_id,
-            robot=self.batch.robot.name,
-            joints=tuple(joint.name for joint in self.batch.robot.joints),
-            horizon=self.batch.task.horizon,
-            env_kwargs=nominal,
-            path=realised[0],
-            via_points=via,
-            objective=self.planner.objective,
-            preset=self.planner.preset,
-            seed=self.seed,
-            cost=cost,
-            nominal={**measured, **terms},
-        )
+        return realised_plan(
+            self.batch, self.start, self._paths(via[None])[0], self._final_cost, env_id=env_id, env_kwargs=nominal,
+            via_points=via, objective=self.planner.objective, preset=self.planner.preset, seed=self.seed,
+        )  # fmt: skip
 
 
 def disturbed_samples(start: State, planner: CmaEsPlanner, seed: int) -> State:

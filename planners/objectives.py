@@ -16,6 +16,7 @@ from piec_envs.geometry.distance import self_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
 from piec_envs.parallel import run_rows
+from piec_envs.world.scene import pack_scene
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
@@ -71,7 +72,9 @@ def _self_distance_rows(lo, hi, scene, path, every, least):
 
 
 def self_distances(batch: EpisodeBatch, path: np.ndarray, every: int) -> np.ndarray:
-    """Least distance between links that could collide, at every k-th configuration of each path.
+    """Least distance between parts of the arm that could collide, at every k-th configuration of each path.
+
+    Parts that cannot touch the object count as well.
 
     Args:
         batch: gives the robot.
@@ -81,9 +84,9 @@ def self_distances(batch: EpisodeBatch, path: np.ndarray, every: int) -> np.ndar
     Returns:
         Shape (B, N // k), m; negative where the arm overlaps itself.
     """
-    path = np.ascontiguousarray(path)
+    path, scene = np.ascontiguousarray(path), pack_scene(batch.robot.whole_name, batch.config.object)
     least = np.empty((len(path), path.shape[1] // every))
-    run_rows(_self_distance_rows, len(path), batch.config.threads, batch.scene, path, every, least)
+    run_rows(_self_distance_rows, len(path), batch.config.threads, scene, path, every, least)
     return least
 
 

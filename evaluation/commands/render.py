@@ -85,7 +85,8 @@ def _frames(plan: Any, kwargs: dict[str, Any], args: argparse.Namespace, end: di
     from planners import OpenLoopPolicy
 
     env: Any = gym.make(args.env or plan.env_id, render_mode="rgb_array", **kwargs)
-    plan.check_fits(env.spec.id, env.unwrapped.batch.robot.name)
+    batch = env.unwrapped.batch
+    plan.check_fits(env.spec.id, batch.robot.name, batch.config.posture)
     policy = OpenLoopPolicy(plan)
     observation, info = env.reset(seed=args.seed)
     every = max(1, plan.horizon // args.frames)

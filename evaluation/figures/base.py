@@ -73,6 +73,10 @@ MODES = {
     "proximity": Mode("proximity (mode 2)", "#3b7db8"),
     "caging": Mode("caging (mode 3)", "#882255"),
     "adversarial": Mode("adversarial (mode 4)", "#44aa99"),
+    "Point": Mode("Point", "#8b91a0"),
+    "Link": Mode("Link", "#3b7db8"),
+    "WAContact": Mode("WAContact", "#e69f00"),
+    "WACaging": Mode("WACaging", "#882255"),
 }
 _OTHERS = ("#555b6b", "#b58a3c", "#5f7fa6", "#a3667f", "#7d9c8f")
 

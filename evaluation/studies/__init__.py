@@ -98,6 +98,11 @@ STUDIES = {
             "evaluation.studies.franka_starts",
             "where the moving Franka begins: static problems with the base free (paper, section 7.2)",
         ),
+        Study(
+            "franka-push",
+            "evaluation.studies.franka_push",
+            "a mobile Franka with four contact geometries under noise and mismatch (paper, section 7.2.1)",
+        ),
     )
 }
 

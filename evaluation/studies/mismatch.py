@@ -11,7 +11,7 @@ from evaluation.figures import Executed, final_distances, mismatch_paths
 from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.protocols import get_protocol
 from evaluation.studies.common import Case, StudyRun, column, executions
-from evaluation.studies.pictures import first_trajectories, over_plans
+from evaluation.studies.pictures import first_trajectories, over_plans, trajectory_env
 from evaluation.tables import Estimate, Rates
 
 Results = Mapping[str, list[list[dict[str, Any]]]]  # protocol -> for each case the results of `evaluate_once`
@@ -144,18 +144,19 @@ def draw_mismatch(
         The files written.
     """
     folder = study.out_dir
-    executed = [[_executed(study, case, name, label(name)) for name in drawn] for case in cases]
+    runs = [[executed(study, case, name, label(name)) for name in drawn] for case in cases]
     final = {
         case.label: {label(name): over_plans(study, case, f"{name}-start", "goal_distance")[:, -1] for name in compared}
         for case in cases
     }
     return study.draw(
-        partial(mismatch_paths, first_trajectories(study, cases), executed, folder / "object_paths.png"),
+        partial(mismatch_paths, first_trajectories(study, cases), runs, folder / "object_paths.png"),
         partial(final_distances, final, folder / "final_distance.png"),
     )
 
 
-def _executed(study: StudyRun, case: Case, protocol: str, label: str) -> Executed:
+def executed(study: StudyRun, case: Case, protocol: str, label: str) -> Executed:
     """The first seed's plan from the task's start under a protocol."""
-    plant = get_protocol(protocol).env_kwargs({"object": "circle", **case.env_kwargs})
+    own = trajectory_env(case).config.object
+    plant = get_protocol(protocol).env_kwargs({"object": own, **case.env_kwargs})
     return Executed(label, plant["object"], study.load_evaluation(case, study.seeds[0], protocol).pose[0])

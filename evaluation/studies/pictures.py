@@ -22,7 +22,7 @@ def trajectory(case: Case, nominal: Evaluation, disturbed: Evaluation | None = N
         nominal: its undisturbed execution.
         disturbed: its disturbed executions, or None.
     """
-    env: Any = gym.make(case.env_id, disable_env_checker=True, **{**case.env_kwargs, "escape_field": None}).unwrapped
+    env = trajectory_env(case)
     return Trajectory(
         mode=case.label,
         robot_name=env.batch.robot.name,
@@ -32,7 +32,14 @@ def trajectory(case: Case, nominal: Evaluation, disturbed: Evaluation | None = N
         pose=nominal.pose[0],
         contact=nominal.contact[0],
         disturbed=None if disturbed is None else disturbed.pose,
+        reference=env.batch.task.reference if env.batch.tracking else None,
     )
+
+
+def trajectory_env(case: Case) -> Any:
+    """The environment of a case, which says what robot, object, goal and reference there are."""
+    bare = {**case.env_kwargs, "escape_field": None}
+    return gym.make(case.env_id, disable_env_checker=True, **bare).unwrapped
 
 
 def first_trajectories(study: StudyRun, cases: Sequence[Case], protocol: str | None = None) -> list[Trajectory]:

@@ -8,7 +8,7 @@ for the figures. A file that is missing or broken is made again, with the same r
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +21,11 @@ from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol
 from evaluation.records import work_key
 from evaluation.rollout import NOT_IN_SPEC, evaluate
-from piec_envs.errors import PlanError, RecordError
-from planners import CmaEsPlanner, OpenLoopPolicy, Plan
+from piec_envs.errors import PlanError, RecordError, check_name
+from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import crossing
 
+PLANNERS: Mapping[str, Callable[..., Any]] = {"cma-es": CmaEsPlanner, "rigid-carry": RigidCarry}
 KEEP_EVERY = 10  # steps between the states kept for figures
 
 
@@ -34,10 +35,20 @@ def plan_spec(env_id: str, env_kwargs: Mapping[str, Any], planner: Mapping[str, 
     Args:
         env_id: id of the environment.
         env_kwargs: keyword arguments of the nominal model.
-        planner: arguments of `CmaEsPlanner`; its defaults are filled in, so that a change of them counts.
+        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; the defaults
+            are filled in, so that a change of them counts.
     """
-    full = dataclasses.asdict(CmaEsPlanner(**planner))
+    name = {"name": planner["name"]} if "name" in planner else {}
+    full = {**name, **dataclasses.asdict(make_planner(planner))}
     return {"work": "plan", "env_id": env_id, "env_kwargs": dict(env_kwargs), "planner": full}
+
+
+def make_planner(spec: Mapping[str, Any]) -> CmaEsPlanner | RigidCarry:
+    """The planner of a spec's "planner"."""
+    arguments = dict(spec)
+    name = arguments.pop("name", "cma-es")
+    check_name("planner", name, PLANNERS)
+    return PLANNERS[name](**arguments)
 
 
 def evaluation_spec(plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], protocol: str, episodes: int) -> dict:
@@ -61,7 +72,8 @@ def evaluation_spec(plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], prot
 def plan_file(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
     """Where the plan of a spec and seed is cached."""
     planner = spec["planner"]
-    name = f"{planner['objective']}-{planner['preset']}-seed{seed}-{work_key(spec, seed)[:8]}.npz"
+    words = [planner[word] for word in ("name", "objective", "preset") if word in planner]
+    name = "-".join([*words, f"seed{seed}", f"{work_key(spec, seed)[:8]}.npz"])
     return Path(folder) / "plans" / name
 
 
@@ -76,7 +88,7 @@ def get_plan(spec: Mapping[str, Any], seed: int, context: Context) -> Plan:
     try:
         return Plan.load(file)
     except PlanError:
-        planner = CmaEsPlanner(**spec["planner"])
+        planner = make_planner(spec["planner"])
     threads = {} if context.threads is None else {"threads": context.threads}
     plan = planner.plan(spec["env_id"], seed=seed, progress=context.progress, **spec["env_kwargs"], **threads)
     # What changes no result has no place in the file, or it would differ with the number of workers.
@@ -116,7 +128,8 @@ def plan_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, An
         added up over every tenth step).
     """
     plan = get_plan(spec, seed, context)
-    env: Any = gym.make(spec["env_id"], disable_env_checker=True, escape_field=None).unwrapped
+    bare = {**spec["env_kwargs"], "escape_field": None}
+    env: Any = gym.make(spec["env_id"], disable_env_checker=True, **bare).unwrapped
     overlap = float(crossing(env.batch, plan.path[None, 1:])[0])
     file = plan_file(context.folder, spec, seed).name
     return {"file": file, "cost": plan.cost, "nominal": plan.nominal, "crossing": overlap}

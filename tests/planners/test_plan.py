@@ -54,11 +54,11 @@ def test_broken_and_foreign_files_are_refused(plan, tmp_path):
 def test_plan_for_another_env_robot_or_joints_is_refused(plan):
     import dataclasses
 
-    plan.check_fits(PUSH, "planar_arm")
+    plan.check_fits(PUSH, "planar_arm", plan.path[0])
     with pytest.raises(PlanError, match="PlanarArmTrack"):
-        plan.check_fits("piec_envs/PlanarArmTrack-v0", "planar_arm")
+        plan.check_fits("piec_envs/PlanarArmTrack-v0", "planar_arm", plan.path[0])
     with pytest.raises(PlanError, match="joints"):
-        dataclasses.replace(plan, joints=("a", "b", "c", "d")).check_fits(PUSH, "planar_arm")
+        dataclasses.replace(plan, joints=("a", "b", "c", "d")).check_fits(PUSH, "planar_arm", plan.path[0])
     with pytest.raises(PlanError, match="arm_9"):
         OpenLoopPolicy(dataclasses.replace(plan, robot="arm_9"))
 

@@ -1,0 +1,203 @@
+"""What the studies of contact geometries share (paper, section 7.2): methods, controls, tables and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from evaluation.figures import keyframes, mismatch_paths, over_time, trajectories
+from evaluation.studies.common import (
+    PAPER_PLANNER,
+    PAPER_PLANT,
+    Case,
+    StudyRun,
+    column,
+    distance_columns,
+    executions,
+    home_columns,
+    spread,
+    success_columns,
+)
+from evaluation.studies.mismatch import Results, executed
+from evaluation.studies.pictures import first_trajectories, over_plans
+from evaluation.tables import Rates
+from piec_envs.escape.field import CAGING_SCALE, make_field, object_escape_time
+from piec_envs.world.objects import get_object
+from piec_envs.world.robots import get_robot
+
+CAGE, OPEN = {"start": "cage"}, {"start": "open"}  # keyword arguments of the environment
+# What each method may touch the object with, where it starts, and what it optimises.
+METHODS: Mapping[str, tuple[Mapping[str, Any], str]] = {
+    "Point": ({"contact": "point", **CAGE}, "contact"),
+    "Link": ({"contact": "link", **CAGE}, "contact"),
+    "WAContact": (OPEN, "contact"),
+    "WACaging": (CAGE, "caging"),
+}
+CONTROLS: Mapping[str, tuple[Mapping[str, Any], str]] = {
+    "WAContact, caged start": (CAGE, "contact"),
+    "WACaging, open start": (OPEN, "caging"),
+}
+CARRY = "rigid-carry"
+STARTS_NOTE = """\
+Point and Link touch the object with a sphere at the fingertips and with the last link and the gripper, the others
+with the whole arm. Each starts from its own solution of the static problem (study `franka-starts`): the best cage
+that its contact geometry makes; WAContact, whose prior any touching posture satisfies, from `open`, elbow and wrist
+at right angles, which touches and does not close. Controls change one thing: the start posture; the weights ("paper":
+the paper's preset and budget, from a caged start)"""
+CARRY_NOTE = """, or the planner: `rigid-carry` carries the caged start posture to the goal in
+a straight line and optimises nothing; its plans are one and the same."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What all methods of a study are planned with.
+
+    Args:
+        env_id: id of the environment.
+        planner: arguments of `CmaEsPlanner` beside the objective.
+        env_kwargs: keyword arguments of the environment beside a method's own.
+    """
+
+    env_id: str
+    planner: Mapping[str, Any]
+    env_kwargs: Mapping[str, Any]
+
+    def case(self, label: str, env_kwargs: Mapping[str, Any], objective: str) -> Case:
+        """A method under this budget."""
+        return Case(label, {**self.planner, "objective": objective}, {**self.env_kwargs, **env_kwargs}, self.env_id)
+
+    def paper(self, label: str, env_kwargs: Mapping[str, Any], objective: str) -> Case:
+        """A method with the paper's preset and budget, for planning and for execution."""
+        planner = {**self.planner, **PAPER_PLANNER, "objective": objective}
+        return Case(label, planner, {**self.env_kwargs, **env_kwargs, **PAPER_PLANT}, self.env_id)
+
+    def carry(self) -> Case:
+        """The control that optimises nothing."""
+        return Case(CARRY, {"name": CARRY}, {**self.env_kwargs, **CAGE}, self.env_id)
+
+
+def all_cases(budget: Budget, methods: Sequence[str], controls: Sequence[str]) -> tuple[list[Case], list[Case]]:
+    """Methods and controls.
+
+    Args:
+        budget: of all of them.
+        methods: keys of METHODS.
+        controls: keys of CONTROLS, `rigid-carry`, or methods followed by ", paper".
+    """
+    main = [budget.case(name, *METHODS[name]) for name in methods]
+    others = []
+    for name in controls:
+        method, _, rest = name.partition(", ")
+        if name == CARRY:
+            others.append(budget.carry())
+        elif rest == "paper":
+            others.append(budget.paper(name, CAGE, METHODS[method][1]))
+        else:
+            others.append(budget.case(name, *CONTROLS[name]))
+    return main, others
+
+
+def disturbed_rows(
+    cases: Sequence[Case], plans: Sequence[Any], results: Sequence[Any], paper: Mapping[str, tuple[str, str]]
+) -> list[dict[str, Any]]:
+    """Rows of the table of disturbed executions, the paper's values beside ours.
+
+    Args:
+        cases: what is compared.
+        plans: for each the results of `plan_once`.
+        results: for each the results of `evaluate_once` under noise.
+        paper: d2g (m) and success as the paper prints them, by label.
+    """
+    rows = []
+    for case, planned, executed_ in zip(cases, plans, results, strict=True):
+        home = home_columns(planned)
+        d2g, rate = paper.get(case.label, (None, None))
+        row = {"method": case.title, **success_columns(executed_), **distance_columns(executed_)}
+        row |= {"in the goal, nominal": home["in the goal"], "through itself": home["through itself"]}
+        rows.append({**row, **({"paper: d2g, m": d2g, "paper: success": rate} if paper else {})})
+    return rows
+
+
+def mismatch_d2g_rows(
+    cases: Sequence[Case], results: Results, protocols: Sequence[str], paper: Mapping[str, Sequence[float]]
+) -> list[dict[str, Any]]:
+    """Rows of d2g under each protocol: from the task's start, from drawn starts, and the paper's.
+
+    Args:
+        cases: what is compared.
+        results: by protocol, twins with drawn starts included.
+        protocols: the columns.
+        paper: the paper's values, by label.
+    """
+    rows = []
+    for i, case in enumerate(cases):
+        for suffix, label in (("", "task's start"), ("-start", "drawn starts")):
+            by_protocol = {name: results[f"{name}{suffix}"][i] for name in protocols}
+            n = executions(next(iter(by_protocol.values())))
+            row: dict[str, Any] = {"method": case.title, "from": label, "n": n}
+            for name, plans in by_protocol.items():
+                row[f"{name}: d2g, m"] = float(np.average(column(plans, "d2g_mean"), weights=column(plans, "n")))
+            for name, plans in by_protocol.items():
+                row[f"{name}: success"] = Rates(result["success_rate"] for result in plans)
+            rows.append(row)
+        if case.label in paper:
+            printed: dict[str, Any] = {
+                f"{name}: d2g, m": value for name, value in zip(protocols, paper[case.label], strict=True)
+            }
+            rows.append({"method": case.title, "from": "paper", "n": "-", **printed})
+    return rows
+
+
+def usage_rows(study: StudyRun, cases: Sequence[Case], results: Sequence[Any]) -> list[dict[str, Any]]:
+    """How the arm is used without noise: contact, distance, and caging of what touches and of the whole arm."""
+    rows = []
+    for case, executed_ in zip(cases, results, strict=True):
+        whole = [whole_arm_caging(study, case, seed) for seed in study.seeds]
+        contact = [np.mean(result["contact_fraction"]) for result in executed_]
+        rows.append(
+            {
+                "method": case.title,
+                "n": executions(executed_),
+                "links in contact, mean share": spread(np.array(contact)),
+                "arm distance, m": spread(column(executed_, "mean_distance")),
+                "caging": spread(column(executed_, "mean_caging")),
+                "caging at the end": spread(column(executed_, "final_caging")),
+                "whole-arm caging": spread(np.array(whole)),
+            }
+        )
+    return rows
+
+
+def whole_arm_caging(study: StudyRun, case: Case, seed: int) -> float:
+    """Caging of all parts of the arm, mean over the nominal execution of one plan."""
+    executed_ = study.load_evaluation(case, seed, "nominal")
+    plan = study.load_plan(case, seed)
+    drawn = first_trajectories(study, [case])[0]
+    field = make_field("table", get_robot(plan.robot).whole_name)
+    points = get_object(drawn.object_name).key_points
+    times = object_escape_time(field, points, executed_.pose[0], executed_.q_r[0])
+    return CAGING_SCALE * float(times[1:].mean())
+
+
+def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches: Mapping[str, str]) -> list[Any]:
+    """Key frames, disturbed and mismatched paths of the first plans, and caging over time of all plans.
+
+    Args:
+        study: the run.
+        cases: what is compared.
+        noise: protocol of the disturbed paths.
+        mismatches: protocols of the mismatched paths and what the figure calls them.
+    """
+    folder, nominal = study.out_dir, first_trajectories(study, cases)
+    caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}
+    runs = [[executed(study, case, name, label) for name, label in mismatches.items()] for case in cases]
+    return study.draw(
+        partial(keyframes, nominal, folder / "keyframes.png"),
+        partial(trajectories, first_trajectories(study, cases, noise), folder / "object_paths.png"),
+        partial(mismatch_paths, nominal, runs, folder / "mismatch_paths.png"),
+        partial(over_time, caging, "caging", folder / "caging.png"),
+    )
