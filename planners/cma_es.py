@@ -17,6 +17,7 @@ from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import PRESETS
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import choose_field
+from piec_envs.escape.samples import CURL
 from piec_envs.registration import MOTIONS
 from planners.base import Plan, realised_plan
 from planners.carry import carried_base
@@ -44,8 +45,8 @@ class CmaEsPlanner:
         via_points: number of via points.
         sigma: first step size, rad or m.
         start: first guess: "rest" stays at the start configuration, "enclose" moves to a posture
-            that encloses the object at the goal, curled one way and the other in turn; a base that
-            slides carries the start posture there, or along the reference, instead.
+            that encloses the object at the goal, curled one way and the other in turn where the
+            limits allow; a base that slides carries the start posture there, or along the reference, instead.
         arrive: share of the horizon after which the first guess has reached that posture.
         escape_field: name of the field that the planner optimises, or its options with a "name"; "auto"
             is the robot's best.
@@ -216,8 +217,10 @@ class _Search:
             via[:, :base] += carried_base(self.batch, self.start.pose[0, :2], share, self.planner.arrive)
             return via
         escape = self.batch.field or choose_field(self.planner.escape_field, self.batch.robot.name)
-        pose = np.append(self.batch.task.goal, 0.0)
-        posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl=(-1.0) ** restart)
+        pose = np.append(self.batch.task.goal, self.start.pose[0, 2])
+        sides = self.batch.robot.curl_sides(CURL[0])[::-1]  # left first
+        curl = sides[restart % len(sides)]
+        posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl)
         return home + np.minimum(1.0, share[:, None] / self.planner.arrive) * (posture - home)
 
     def _limit(self, x) -> np.ndarray:
