@@ -9,6 +9,9 @@ from evaluation.figures.obstacle import ObstaclePanel, escape_times
 from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, posture_scenes, value_dots
 from evaluation.figures.robustness import Robustness, robustness
 from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
+from evaluation.figures.space import space_keyframes
+from evaluation.figures.tracking import Tracked, reference_paths, tradeoff
+from evaluation.figures.transfer import transfer_paths
 
 __all__ = [
     "MODES",
@@ -18,6 +21,7 @@ __all__ = [
     "PosturePanel",
     "RelativeError",
     "Robustness",
+    "Tracked",
     "Trajectory",
     "animate_rollouts",
     "contact_fractions",
@@ -34,8 +38,12 @@ __all__ = [
     "posture_grid",
     "posture_row",
     "posture_scenes",
+    "reference_paths",
     "robustness",
     "shape_mismatches",
+    "space_keyframes",
+    "tradeoff",
     "trajectories",
+    "transfer_paths",
     "value_dots",
 ]

@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluation.figures.base import LOOK, Trajectory, bounds, mix, mode_of, show_scene
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
-from piec_envs.rendering.drawing import INK, OBJECT, draw_goal, link_outlines, robot_frames
+from piec_envs.rendering.drawing import INK, OBJECT, PALE, draw_goal, link_outlines, robot_frames, scenery_outlines
 from piec_envs.rendering.frame import pixels
 
 if TYPE_CHECKING:
@@ -132,16 +132,18 @@ class _Panel:
         from matplotlib.colors import to_rgba
 
         mode = mode_of(plan.mode)
+        face = mix("white", mode.colour, 0.3)
         self.plan = plan
         self.outlines = [shape.outline(6) for shape in plan.object.shapes]
         self.turning = [j + 1 for j, joint in enumerate(plan.robot.joints) if joint.axis[2] != 0]
         self.cloud = PolyCollection([], facecolor=to_rgba(OBJECT, 0.12), edgecolor=mix(OBJECT, "black", 0.35), lw=0.4)
-        self.links = PolyCollection([], facecolor=mix("white", mode.colour, 0.3), edgecolor=INK, lw=0.8)
-        for order, item in enumerate((self.cloud, self.links)):
+        self.links = PolyCollection([], facecolor=face, edgecolor=INK, lw=0.8)
+        self.scenery = PolyCollection([], facecolor=face, edgecolor=INK, lw=0.8, alpha=PALE)
+        for order, item in enumerate((self.cloud, self.scenery, self.links)):
             ax.add_collection(item, autolim=False)
             item.set_zorder(3 + order)
-        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=INK, linewidths=0.7, zorder=5)
-        self.ends = ax.scatter([], [], s=4, color=INK, linewidths=0, alpha=0.7, zorder=6)
+        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=INK, linewidths=0.7, zorder=6)
+        self.ends = ax.scatter([], [], s=4, color=INK, linewidths=0, alpha=0.7, zorder=7)
         draw_goal(ax, plan.goal, linewidth=1.6)
         place: dict[str, Any] = {"x": 0.03, "va": "bottom", "transform": ax.transAxes}
         ax.text(y=1.06, s=mode.label, color=mix(mode.colour, "black", 0.2), fontweight="bold", fontsize=9.5, **place)
@@ -153,6 +155,7 @@ class _Panel:
         plan, q = self.plan, self.plan.q_r[step]
         poses = plan.pose[None, step] if plan.disturbed is None else plan.disturbed[:, step]  # (M, 3)
         self.links.set_verts([outline for link in link_outlines(plan.robot, q) for outline in link])
+        self.scenery.set_verts(scenery_outlines(plan.robot, q))
         self.joints.set_offsets(robot_frames(plan.robot, q)[self.turning, :2])
         self.cloud.set_verts([outline for shape in self.outlines for outline in _placed(shape, poses)])
         self.ends.set_offsets(poses[:, :2])

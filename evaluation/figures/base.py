@@ -15,7 +15,7 @@ from evaluation.tables import write_atomic
 from piec_envs.dynamics.base import CONTROL_PERIOD
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.rendering.drawing import INK, link_outlines
+from piec_envs.rendering.drawing import INK, arm_outlines
 from piec_envs.world.objects import Object, get_object
 from piec_envs.world.robots import Robot, get_robot
 
@@ -109,6 +109,8 @@ class Trajectory:
         disturbed: object poses of M disturbed executions, shape (M, N + 1, 3); None without any.
         reference: path to be tracked, shape (m, 2), m; None for a goal task.
         period: time between two entries, s: longer than a control step in thinned executions.
+        loose: position and quaternion of the object's k loose bodies, shape (N + 1, k, 7); None where it has
+            none, or they are not known.
     """
 
     mode: str
@@ -121,6 +123,7 @@ class Trajectory:
     disturbed: np.ndarray | None = None
     reference: np.ndarray | None = None
     period: float = CONTROL_PERIOD
+    loose: np.ndarray | None = None
 
     @property
     def robot(self) -> Robot:
@@ -184,7 +187,7 @@ def bounds(trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], 
     for trajectory, steps in zip(trajectories, frames, strict=True):
         reach = trajectory.object.bounding_radius
         for step in steps:
-            points += [outline for link in link_outlines(trajectory.robot, trajectory.q_r[step]) for outline in link]
+            points += arm_outlines(trajectory.robot, trajectory.q_r[step])
         for path in (trajectory.pose, trajectory.pose if trajectory.disturbed is None else trajectory.disturbed):
             points += [path[..., :2].reshape(-1, 2) + shift for shift in (-reach, reach)]
         points += [] if trajectory.reference is None else [trajectory.reference]

@@ -17,7 +17,6 @@ from piec_envs.escape.field import CAGING_SCALE, object_escape_time
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import (
     base_position,
-    close_view,
     draw_escape_path,
     draw_key_points,
     draw_object,
@@ -26,6 +25,7 @@ from piec_envs.rendering.drawing import (
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.frame import picture_field
 from piec_envs.rendering.space import SpaceFrames
+from piec_envs.rendering.view import close_view
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
@@ -161,15 +161,19 @@ def _scenes(panels: Sequence[PosturePanel]) -> list[np.ndarray]:
     """Pictures in space, one for each panel; none where there is no OpenGL."""
     frames = SpaceFrames()
     try:
-        return [
-            frames.scene(get_robot(panel.robot_name), panel.object_name, panel.q_r, panel.pose, close=True)
-            for panel in panels
-        ]
+        return [_scene(frames, panel) for panel in panels]
     except RenderingError as error:
         warnings.warn(f"postures are drawn in the plane alone: {error}", stacklevel=2)
         return []
     finally:
         frames.close()
+
+
+def _scene(frames: SpaceFrames, panel: PosturePanel) -> np.ndarray:
+    """A close picture of a posture in space."""
+    robot, item = get_robot(panel.robot_name), get_object(panel.object_name)
+    view = close_view(robot, panel.q_r, item, panel.pose)
+    return frames.scene(robot, item.name, panel.q_r, panel.pose, view=view)
 
 
 def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str], path: str | os.PathLike) -> Path:

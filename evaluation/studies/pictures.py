@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -12,6 +12,10 @@ from evaluation.figures import Trajectory
 from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol
 from evaluation.studies.common import Case, StudyRun
+from piec_envs.dynamics.free_bodies import places_of
+from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.world.objects import get_object
+from planners import OpenLoopPolicy, Plan
 
 
 def trajectory(case: Case, nominal: Evaluation, disturbed: Evaluation | None = None) -> Trajectory:
@@ -40,6 +44,44 @@ def trajectory_env(case: Case) -> Any:
     """The environment of a case, which says what robot, object, goal and reference there are."""
     bare = {**case.env_kwargs, "escape_field": None}
     return gym.make(case.env_id, disable_env_checker=True, **bare).unwrapped
+
+
+def watched(plan: Plan, label: str, env_kwargs: Mapping[str, Any], seed: int = 0) -> Trajectory:
+    """One execution of a plan with the places of loose bodies, which evaluations do not keep.
+
+    Args:
+        plan: the plan.
+        label: what figures call the execution.
+        env_kwargs: keyword arguments of the plant.
+        seed: of the episode.
+    """
+    env: Any = gym.make(plan.env_id, disable_env_checker=True, **{"escape_field": None, **env_kwargs}).unwrapped
+    batch, policy = env.batch, OpenLoopPolicy(plan)
+    observation, _ = env.reset(seed=seed)
+    rows = [_seen(batch)]
+    for _ in range(batch.task.horizon):
+        observation, *_ = env.step(policy.predict(observation)[0])
+        rows.append(_seen(batch))
+    env.close()
+    q_r, pose, contact, loose = (np.stack(entries) for entries in zip(*rows, strict=True))
+    return Trajectory(
+        mode=label,
+        robot_name=batch.robot.name,
+        object_name=env.config.object,
+        goal=batch.task.goal,
+        q_r=q_r,
+        pose=pose,
+        contact=contact,
+        reference=batch.task.reference if batch.tracking else None,
+        loose=loose if loose.shape[1] else None,
+    )
+
+
+def _seen(batch: EpisodeBatch) -> tuple[np.ndarray, ...]:
+    """Joints (n,), object pose (3,), links in contact (links,) and places of loose bodies (k, 7) of the first row."""
+    state = batch.state
+    q_r, pose, item = state.q_r[0], state.pose[0], get_object(state.params[0].object)
+    return q_r.copy(), pose.copy(), batch.contact[0].copy(), places_of(item, q_r, pose, state.memory[0])[1:].copy()
 
 
 def first_trajectories(study: StudyRun, cases: Sequence[Case], protocol: str | None = None) -> list[Trajectory]:

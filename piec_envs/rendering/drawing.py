@@ -36,7 +36,7 @@ KEY_POINT = "#d6252f"
 PATH = "#4be3f2"  # fastest escape
 EDGE_OF_WORKSPACE = "#d6453d"
 
-LEAST_VIEW, VIEW_MARGIN = 0.45, 1.15  # half-width of a close view, over the workspace's radius and over what it shows
+PALE = 0.45  # opacity of parts that touch nothing
 _SMOOTH = np.array([1, 2, 3, 2, 1]) / 9
 
 
@@ -56,22 +56,6 @@ def robot_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
     frames = np.empty((robot.dof + 1, 4))
     link_frames(pack_scene(robot.name, "circle"), np.ascontiguousarray(q, dtype=float), frames)
     return frames
-
-
-def close_view(robot: Robot, q: np.ndarray, item: Object, pose: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre, shape (2,), and half-width of a square around a robot and an object, m.
-
-    Args:
-        robot: the robot.
-        q: joint positions, shape (n,), rad or m.
-        item: the object.
-        pose: its x, y, angle, shape (3,), m, rad.
-    """
-    outlines = [outline for link in link_outlines(robot, q) for outline in link]
-    around = pose[:2] + item.bounding_radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
-    corners = np.concatenate([*outlines, around])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    return 0.5 * (low + high), max(LEAST_VIEW * robot.workspace_radius, VIEW_MARGIN * float((high - low).max()) / 2)
 
 
 def base_position(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -115,11 +99,32 @@ def link_outlines(robot: Robot, q: np.ndarray, grow: float = 0.0) -> list[list[n
     return [[_placed(shape, frames[link.frame], grow) for shape in link.shapes] for link in robot.links]
 
 
+def scenery_outlines(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
+    """Outlines of the parts that touch nothing, those without shapes left out, shape (m, 2) each, m.
+
+    Args:
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+    """
+    frames = robot_frames(robot, q)
+    return [_placed(shape, frames[link.frame]) for link in robot.scenery for shape in link.shapes]
+
+
+def arm_outlines(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
+    """Outlines of all that is drawn of a robot, shape (m, 2) each, m.
+
+    Args:
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+    """
+    return [*(outline for link in link_outlines(robot, q) for outline in link), *scenery_outlines(robot, q)]
+
+
 # --- bodies ------------------------------------------------------------------------------------
 
 
 def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | None = None, **style: Any) -> None:
-    """Draw the links of a robot and its joints as circles.
+    """Draw the links of a robot and its joints as circles; parts that touch nothing are pale.
 
     Args:
         ax: where to draw.
@@ -129,16 +134,26 @@ def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | 
         style: properties of a Matplotlib patch; `facecolor` is that of links without contact.
     """
     style = {"facecolor": LINK, "edgecolor": INK, "linewidth": 0.9, "zorder": 5, **style}
+    _draw_scenery(ax, robot, q, **style)
     outlines = link_outlines(robot, q)
     touched = np.zeros(len(outlines), dtype=bool) if contact is None else np.asarray(contact, dtype=bool)
     for link in sorted(range(len(outlines)), key=lambda k: touched[k]):
         face = {"facecolor": TOUCHED} if touched[link] else {}
         ax.add_artist(union_patch(outlines[link], **{**style, **face}))
     frames, reach = robot_frames(robot, q), min(_half_width(robot), 0.05)
+    pale = {"alpha": PALE} if robot.whole_name != robot.name else {}
     for j, joint in enumerate(robot.joints):
         if joint.axis[2] != 0:
-            _dot(ax, frames[j + 1, :2], 0.42 * reach, **{**style, "facecolor": "white"})
+            _dot(ax, frames[j + 1, :2], 0.42 * reach, **{**style, "facecolor": "white", **pale})
     _dot(ax, base_position(robot, q), 0.62 * reach, **{**style, "facecolor": style["edgecolor"]})
+
+
+def _draw_scenery(ax: Axes, robot: Robot, q: np.ndarray, **style: Any) -> None:
+    """The parts that touch nothing, paler than `style` and below it, as one shape of even transparency."""
+    outlines = scenery_outlines(robot, q)
+    if outlines:
+        faded = {"alpha": PALE * (style.get("alpha") or 1.0), "zorder": style["zorder"] - 0.1}
+        ax.add_artist(union_patch(outlines, **{**style, **faded}))
 
 
 def draw_ghost(ax: Axes, robot: Robot, q: np.ndarray, **style: Any) -> None:
@@ -150,8 +165,9 @@ def draw_ghost(ax: Axes, robot: Robot, q: np.ndarray, **style: Any) -> None:
         q: joint positions, shape (n,), rad or m.
         style: properties of a Matplotlib patch.
     """
-    outlines = [outline for link in link_outlines(robot, q) for outline in link]
-    ax.add_artist(union_patch(outlines, **{"facecolor": LINK, "edgecolor": "none", "alpha": 0.4, "zorder": 4, **style}))
+    style = {"facecolor": LINK, "edgecolor": "none", "alpha": 0.4, "zorder": 4, **style}
+    _draw_scenery(ax, robot, q, **style)
+    ax.add_artist(union_patch([outline for link in link_outlines(robot, q) for outline in link], **style))
 
 
 def draw_object(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
@@ -195,8 +211,9 @@ def draw_key_points(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> N
 
 
 def _half_width(robot: Robot) -> float:
-    """Radius of the thinnest rounded link, m; 0.05 for sharp ones."""
-    return min((shape.radius for link in robot.links for shape in link.shapes if shape.radius > 0), default=0.05)
+    """Radius of the thinnest rounded part of the arm, m; 0.05 for sharp ones."""
+    parts = [link for link in robot.scenery if link.shapes] or robot.links  # a small tip makes no thin arm
+    return min((shape.radius for link in parts for shape in link.shapes if shape.radius > 0), default=0.05)
 
 
 def _dot(ax: Axes, centre: np.ndarray, radius: float, **style: Any) -> None:

@@ -27,6 +27,7 @@ from piec_envs.rendering.drawing import (
     draw_workspace,
 )
 from piec_envs.rendering.field import FieldStyle, draw_field
+from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import Robot
 
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
 RESOLUTION = 100  # nodes a side of the field in a picture
-MARGIN = 1.03  # visible half-width over the workspace radius
+MARGIN = 1.03  # visible half-width over that of the view
 
 
 def new_axis(size: int) -> tuple[Figure, Axes]:
@@ -95,7 +96,7 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
     draw_loose(ax, item, places_of(item, q, pose, batch.state.memory[row])[1:])
     draw_object(ax, item, pose)
     _caption(ax, batch, row)
-    _look_at(ax, base_position(batch.robot, q), MARGIN * batch.robot.workspace_radius)
+    _look_at(ax, episode_view(batch.robot, q, batch.task))
     return pixels(figure)
 
 
@@ -127,7 +128,7 @@ def render_posture(batch: CageBatch, row: int, size: int = 720) -> np.ndarray:
     draw_key_points(ax, item, pose)
     word = "enclosed" if batch.enclosed[row] else "not enclosed" if batch.done[row] else "start"
     _note(ax, [word, f"caging = {CAGING_SCALE * batch.escape_time[row]:.2f}"])
-    _look_at(ax, base_position(batch.robot, q), MARGIN * batch.robot.workspace_radius)
+    _look_at(ax, View(base_position(batch.robot, q), batch.robot.workspace_radius))
     return pixels(figure)
 
 
@@ -147,6 +148,7 @@ def _note(ax: Axes, lines: list[str]) -> None:
     ax.text(0.015, 0.985, "\n".join(lines), fontsize=11, **style)
 
 
-def _look_at(ax: Axes, centre: np.ndarray, half: float) -> None:
-    ax.set_xlim(centre[0] - half, centre[0] + half)
-    ax.set_ylim(centre[1] - half, centre[1] + half)
+def _look_at(ax: Axes, view: View) -> None:
+    low, high = view.centre - MARGIN * view.half, view.centre + MARGIN * view.half
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from piec_envs.errors import check_name
+from piec_envs.world.objects import get_object
 
 if TYPE_CHECKING:
     from piec_envs.episodes.batch import EpisodeBatch
@@ -57,7 +58,10 @@ class Renderer:
             from piec_envs.rendering.frame import render_posture
 
             return render_posture(batch, row)
-        return self._frames().scene(batch.robot, batch.config.object, batch.q_r[row], batch.pose[row], close=True)
+        from piec_envs.rendering.view import close_view
+
+        name, q, pose = batch.config.object, batch.q_r[row], batch.pose[row]
+        return self._frames().scene(batch.robot, name, q, pose, view=close_view(batch.robot, q, get_object(name), pose))
 
     def _frames(self) -> SpaceFrames:
         """What draws in space, opened with the first frame."""

@@ -17,7 +17,8 @@ import numpy as np
 from piec_envs.dynamics.free_bodies import places_of, poses_at_start, upright
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import RenderingError
-from piec_envs.rendering.drawing import base_position, close_view
+from piec_envs.rendering.drawing import base_position
+from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import get_object
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ SIZE = 720  # height and width of a frame, pixels
 ELEVATION, AZIMUTH = -60.0, 90.0  # of the camera's line of sight, degrees; x points right in the picture
 DISTANCE, BEFORE = 2.68, 0.09  # of the camera from what it looks at, and of that from the base, over the radius
 TABLE, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.0, 0.0, 0.0, 0.0)
+FLOOR, RIM = (0.85, 0.86, 0.87, 1.0), (0.84, 0.27, 0.24, 1.0)  # where the base slides, and of its workspace
+FLOOR_RADIUS, RIM_WIDTH, PLATE_RADIUS = 4.0, 0.012, 0.11  # over the view's half; m; m, of what marks the base
 BACKGROUND = (0.80, 0.84, 0.89)
 COLUMN, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
 TABLE_HEIGHT, MARK_HEIGHT = 0.05, 1e-3  # of the table top, and of flat discs on it, m
@@ -36,12 +39,30 @@ TRAIL_RADIUS, REFERENCE_RADIUS = 0.012, 0.008  # of a mark, m
 
 
 class Mark(NamedTuple):
-    """A disc between the plane z = 0 and a height."""
+    """A disc on the table, or the table itself."""
 
     centre: np.ndarray  # (2,) m
     radius: float  # m
-    height: float  # m
+    top: float  # m
     colour: tuple[float, ...]
+    thickness: float = MARK_HEIGHT  # m
+
+
+def task_marks(goal: np.ndarray, reference: np.ndarray | None = None, trail: np.ndarray | None = None) -> list[Mark]:
+    """The goal region, a reference and the way of an object as discs on the table.
+
+    Args:
+        goal: centre of the goal region, shape (2,), m.
+        reference: path to be tracked, shape (m, 2), m.
+        trail: where the object has been, shape (m, 2), m.
+    """
+    marks = [Mark(goal, GOAL_RADIUS, MARK_HEIGHT, GOAL)]
+    if reference is not None and len(reference):
+        points = _thinned(reference, REFERENCE_MARKS)
+        marks += [Mark(point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL) for point in points]
+    if trail is not None and len(trail) > 1:
+        marks += [Mark(point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL) for point in _thinned(trail, TRAIL_MARKS)]
+    return marks
 
 
 class SpaceFrames:
@@ -64,16 +85,12 @@ class SpaceFrames:
         Raises:
             RenderingError: where there is no OpenGL.
         """
-        marks = [Mark(batch.task.goal, GOAL_RADIUS, MARK_HEIGHT, GOAL)]
-        if batch.tracking:
-            reference = _thinned(batch.task.reference, REFERENCE_MARKS)
-            marks += [Mark(point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL) for point in reference]
-        if trail is not None and len(trail) > 1:
-            marks += [Mark(point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL) for point in _thinned(trail, TRAIL_MARKS)]
+        marks = task_marks(batch.task.goal, batch.task.reference, trail)
         state = batch.state
         places = places_of(get_object(state.params[row].object), state.q_r[row], state.pose[row], state.memory[row])
         name = state.params[row].object
-        return self.scene(batch.robot, name, state.q_r[row], state.pose[row], marks, loose=places[1:])
+        view = episode_view(batch.robot, state.q_r[row], batch.task)
+        return self.scene(batch.robot, name, state.q_r[row], state.pose[row], marks, view, places[1:])
 
     def scene(
         self,
@@ -82,7 +99,7 @@ class SpaceFrames:
         q: np.ndarray,
         pose: np.ndarray,
         marks: Sequence[Mark] = (),
-        close: bool = False,
+        view: View | None = None,
         loose: np.ndarray | None = None,
     ) -> np.ndarray:
         """Draw a robot and an object.
@@ -93,7 +110,7 @@ class SpaceFrames:
             q: joint positions, shape (n,), rad or m.
             pose: the object's x, y, angle, shape (3,), m, rad.
             marks: discs on the table.
-            close: whether to show the surroundings of robot and object alone.
+            view: what is to be seen; None is the workspace.
             loose: position and quaternion of each of the object's loose bodies, shape (k, 7); None stands
                 them where episodes begin.
 
@@ -113,9 +130,10 @@ class SpaceFrames:
         mujoco.mj_kinematics(renderer.model, data)
         mujoco.mj_comPos(renderer.model, data)
         mujoco.mj_camlight(renderer.model, data)
-        centre, radius = base_position(robot, q), robot.workspace_radius
-        renderer.update_scene(data, _camera(*(close_view(robot, q, item, pose) if close else (centre, radius))))
-        for mark in (Mark(centre, radius, -TABLE_HEIGHT, TABLE), *marks):
+        view = view or View(base_position(robot, q), robot.workspace_radius)
+        data.light_xpos[:, :2] += view.centre  # what they light and where shadows fall goes along
+        renderer.update_scene(data, _camera(view))
+        for mark in (*_ground(robot, q, view), *marks):
             _add_disc(renderer.scene, mark)
         return renderer.render()
 
@@ -206,7 +224,7 @@ def _model(robot: Robot, object_name: str) -> Any:
     for geom in spec.geoms:
         if geom.name == "table":
             geom.rgba = HIDDEN  # without end; the workspace is drawn as a round one
-    if not robot.scenery:
+    if not any(link.frame == robot.base_dof for link in robot.scenery):
         base = spec.body(robot.joints[robot.base_dof - 1].name if robot.base_dof else "base")
         base.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.07, 0.6 * item.height, 0], pos=[0, 0, 0.1 * item.height],
@@ -226,27 +244,40 @@ def _model(robot: Robot, object_name: str) -> Any:
     visual.global_.offwidth = visual.global_.offheight = SIZE
     visual.headlight.ambient, visual.headlight.diffuse, visual.headlight.specular = 3 * [0.38], 3 * [0.08], 3 * [0.0]
     visual.quality.shadowsize, visual.quality.offsamples, visual.quality.numslices = 4096, 8, 64
-    visual.map.shadowclip = 1.0
+    visual.map.shadowclip = 2.5 if robot.base_dof else 1.0  # over the extent; beyond it shadows turn to noise
     return spec.compile()
 
 
-def _camera(centre: np.ndarray, radius: float) -> Any:
-    """A free camera that sees the whole workspace around `centre`, shape (2,), m."""
+def _camera(view: View) -> Any:
+    """A free camera that sees a whole view."""
     import mujoco
 
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = (centre[0], centre[1] - BEFORE * radius, 0.0)
-    camera.elevation, camera.azimuth, camera.distance = ELEVATION, AZIMUTH, DISTANCE * radius
+    camera.lookat[:] = (view.centre[0], view.centre[1] - BEFORE * view.half, 0.0)
+    camera.elevation, camera.azimuth, camera.distance = ELEVATION, AZIMUTH, DISTANCE * view.half
     return camera
+
+
+def _ground(robot: Robot, q: np.ndarray, view: View) -> list[Mark]:
+    """The workspace as a round table, or, where the base slides, as a disc on a floor that goes along with it."""
+    base, radius = base_position(robot, q), robot.workspace_radius
+    if not robot.base_dof:
+        return [Mark(base, radius, 0.0, TABLE, TABLE_HEIGHT)]
+    return [
+        Mark(view.centre, FLOOR_RADIUS * view.half, -2 * MARK_HEIGHT, FLOOR),
+        Mark(base, radius, -MARK_HEIGHT, RIM),
+        Mark(base, radius - RIM_WIDTH, 0.0, TABLE),
+        Mark(base, PLATE_RADIUS, 0.25 * MARK_HEIGHT, COLUMN),
+    ]
 
 
 def _add_disc(scene: Any, mark: Mark) -> None:
     """Add a mark to what is drawn."""
     import mujoco
 
-    position = np.array([*mark.centre, mark.height / 2])
-    size = np.array([mark.radius, abs(mark.height) / 2, 0.0])
+    position = np.array([*mark.centre, mark.top - mark.thickness / 2])
+    size = np.array([mark.radius, mark.thickness / 2, 0.0])
     cylinder, colours = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array(mark.colour, dtype=np.float32)
     mujoco.mjv_initGeom(scene.geoms[scene.ngeom], cylinder, size, position, np.eye(3).ravel(), colours)
     scene.ngeom += 1
