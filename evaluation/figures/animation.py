@@ -12,7 +12,16 @@ import numpy as np
 
 from evaluation.figures.base import LOOK, Trajectory, bounds, mix, mode_of, show_scene
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
-from piec_envs.rendering.drawing import INK, OBJECT, PALE, draw_goal, link_outlines, robot_frames, scenery_outlines
+from piec_envs.rendering.drawing import (
+    INK,
+    OBJECT,
+    PALE,
+    base_position,
+    draw_goal,
+    link_outlines,
+    robot_frames,
+    scenery_outlines,
+)
 from piec_envs.rendering.frame import pixels
 
 if TYPE_CHECKING:
@@ -63,11 +72,11 @@ def animation(frames: Iterable[np.ndarray] | str | os.PathLike, path: str | os.P
 
 
 def _few_colours(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """The pictures in COLOURS colours that all of them share, without dithering."""
+    """The pictures in COLOURS colours that all of them share, rare ones among them, without dithering."""
     from PIL import Image
 
     sample = np.concatenate([pictures[k] for k in np.linspace(0, len(pictures) - 1, 5).astype(int)])
-    palette = Image.fromarray(sample).quantize(COLOURS, Image.Quantize.MEDIANCUT)
+    palette = Image.fromarray(sample).quantize(COLOURS, Image.Quantize.FASTOCTREE)
     reduced = (Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
     table = np.asarray(palette.getpalette(), dtype=np.uint8).reshape(-1, 3)  # (COLOURS, 3)
     table = np.where(table.min(axis=1, keepdims=True) > 248, 255, table).astype(np.uint8)  # white stays white
@@ -138,11 +147,18 @@ class _Panel:
         self.turning = [j + 1 for j, joint in enumerate(plan.robot.joints) if joint.axis[2] != 0]
         self.cloud = PolyCollection([], facecolor=to_rgba(OBJECT, 0.12), edgecolor=mix(OBJECT, "black", 0.35), lw=0.4)
         self.links = PolyCollection([], facecolor=face, edgecolor=INK, lw=0.8)
-        self.scenery = PolyCollection([], facecolor=face, edgecolor=INK, lw=0.8, alpha=PALE)
-        for order, item in enumerate((self.cloud, self.scenery, self.links)):
+        # Mixed with white instead of transparent: overlapping parts stay even.
+        pale: dict[str, Any] = {
+            "facecolor": mix("white", mode.colour, 0.3 * PALE),
+            "edgecolor": mix("white", INK, PALE),
+        }
+        self.scenery = PolyCollection([], lw=0.8, **pale)
+        for order, item in enumerate((self.scenery, self.cloud, self.links)):
             ax.add_collection(item, autolim=False)
-            item.set_zorder(3 + order)
-        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=INK, linewidths=0.7, zorder=6)
+            item.set_zorder(2 + order)
+        top = 6.0 if plan.robot.whole_name == plan.robot.name else 2.5  # pale parts lie below the object
+        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=INK, linewidths=0.7, zorder=top)
+        self.base = ax.scatter([], [], s=34, color=INK, zorder=top)
         self.ends = ax.scatter([], [], s=4, color=INK, linewidths=0, alpha=0.7, zorder=7)
         draw_goal(ax, plan.goal, linewidth=1.6)
         place: dict[str, Any] = {"x": 0.03, "va": "bottom", "transform": ax.transAxes}
@@ -156,6 +172,8 @@ class _Panel:
         poses = plan.pose[None, step] if plan.disturbed is None else plan.disturbed[:, step]  # (M, 3)
         self.links.set_verts([outline for link in link_outlines(plan.robot, q) for outline in link])
         self.scenery.set_verts(scenery_outlines(plan.robot, q))
+        if plan.robot.base_dof:
+            self.base.set_offsets(base_position(plan.robot, q))
         self.joints.set_offsets(robot_frames(plan.robot, q)[self.turning, :2])
         self.cloud.set_verts([outline for shape in self.outlines for outline in _placed(shape, poses)])
         self.ends.set_offsets(poses[:, :2])

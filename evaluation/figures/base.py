@@ -82,7 +82,7 @@ _OTHERS = ("#555b6b", "#b58a3c", "#5f7fa6", "#a3667f", "#7d9c8f")
 
 
 def mode_of(name: str, among: Sequence[str] = ()) -> Mode:
-    """The row of a mode; a name that is no mode keeps its name and gets a muted colour.
+    """The row of a mode; a name that is no mode is its own label, in a muted colour.
 
     Args:
         name: of the mode.
@@ -91,7 +91,7 @@ def mode_of(name: str, among: Sequence[str] = ()) -> Mode:
     if name in MODES:
         return MODES[name]
     strangers = [other for other in among if other not in MODES]
-    return Mode(name, _OTHERS[strangers.index(name) % len(_OTHERS) if name in strangers else 0])
+    return Mode(name.replace("_", " "), _OTHERS[strangers.index(name) % len(_OTHERS) if name in strangers else 0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,7 +112,7 @@ def _title(ax: Axes, trajectory: Trajectory, note: str = "") -> None:
     """Name of the mode in its colour, and a note after it."""
     mode = mode_of(trajectory.mode)
     ax.set_title(mode.label, loc="left", color=mix(mode.colour, "black", 0.2), fontweight="bold")
-    ax.set_title(note, loc="right")
+    ax.set_title(note, loc="right", fontsize=8.5)
 
 
 def _success_note(trajectory: Trajectory) -> str:

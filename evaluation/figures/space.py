@@ -124,4 +124,4 @@ def _row_label(ax: Axes, trajectory: Trajectory, among: Sequence[str]) -> None:
     mode = mode_of(trajectory.mode, among)
     style: dict[str, Any] = {"rotation": 90, "ha": "right", "va": "center", "fontweight": "bold"}
     colour = mix(mode.colour, "black", 0.2)
-    ax.text(-0.03, 0.5, mode.label.replace("_", " "), transform=ax.transAxes, color=colour, **style)
+    ax.text(-0.03, 0.5, mode.label, transform=ax.transAxes, color=colour, **style)

@@ -133,6 +133,9 @@ class SpaceFrames:
         view = view or View(base_position(robot, q), robot.workspace_radius)
         data.light_xpos[:, :2] += view.centre  # what they light and where shadows fall goes along
         renderer.update_scene(data, _camera(view))
+        for geom in renderer.scene.geoms[: renderer.scene.ngeom]:
+            if 0 < geom.rgba[3] < 1:
+                geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # pale parts without shadow
         for mark in (*_ground(robot, q, view), *marks):
             _add_disc(renderer.scene, mark)
         return renderer.render()

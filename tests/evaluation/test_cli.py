@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +106,23 @@ def test_render(piec, plan_file, tmp_path):
     assert (tmp_path / "a.gif").read_bytes()[:3] == b"GIF"
     code, _ = piec("render", "--state", '{"pose": [0.5, 0.4, 0.0]}', "--out", tmp_path / "a.png")
     assert code == 0 and (tmp_path / "a.png").read_bytes()[1:4] == b"PNG"
+
+
+def test_render_takes_from_the_plan_what_it_was_made_for(piec, sweep_plan, tmp_path):
+    start = [0.4, 0.3, -1.0, -2.1, 0.8]
+    plan = replace(
+        sweep_plan,
+        env_id="piec_envs/MobileFrankaPush-v0",
+        robot="mobile_franka_link_capsules",
+        joints=("x", "y", "q1", "q4", "q6"),
+        env_kwargs={"contact": "link", "geometry": "capsules", "start": start, "friction": 0.1},
+        path=np.tile(start, (1001, 1)),
+        via_points=np.tile(start, (5, 1)),
+    )
+    file = plan.save(tmp_path / "link.npz")
+    code, document = piec("render", file, "--frames", 1, "--set", "escape_field=null")
+    assert code == 0 and document["end"]["goal_distance"] > 0.2
+    assert file.with_suffix(".gif").read_bytes()[:3] == b"GIF"
 
 
 def test_bench(piec, tmp_path):
