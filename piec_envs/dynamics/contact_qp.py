@@ -10,10 +10,11 @@ so the dual matrix A Q^-1 A^T gets + c I and the multipliers are unique. c = 0 i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.kernels import kernel
+from piec_envs.kernels import batch_kernel, kernel
 
 VIOLATION_TOLERANCE = 1e-13  # m
 
@@ -89,104 +90,190 @@ def solve_osqp(problem: ContactProblem) -> ContactSolution:
     return ContactSolution(result.x[:d], np.maximum(-result.y, 0.0))
 
 
+class DualScratch(NamedTuple):
+    """Scratch of the dual problem; the passive set is what may have a positive multiplier."""
+
+    columns: np.ndarray  # (d, m) (A Q^-1/2)^T; contiguous over the rows of A, so that loops over them are
+    step: np.ndarray  # (d,) Q^1/2 times the step that the multipliers make
+    value: np.ndarray  # (m,) constraint values after that step
+    multipliers: np.ndarray  # (m,) lambda
+    passive: np.ndarray  # (m,) int64
+    G: np.ndarray  # (m, m) A Q^-1 A^T + c I on pairs of passive rows
+    L: np.ndarray  # (m, m) Cholesky factor of G on the passive rows, in their order
+    inverse: np.ndarray  # (m,) 1 / diagonal of L
+    forward: np.ndarray  # (m,) solution of L forward = -r
+    z: np.ndarray  # (m,) minimiser on the passive set
+
+
+@batch_kernel
+def make_dual(d, m):
+    """Scratch for problems of up to m rows in d unknowns."""
+    return DualScratch(
+        np.empty((d, m)),
+        np.empty(d),
+        np.empty(m),
+        np.empty(m),
+        np.empty(m, dtype=np.int64),
+        np.empty((m, m)),
+        np.empty((m, m)),
+        np.empty(m),
+        np.empty(m),
+        np.empty(m),
+    )
+
+
 @kernel
-def dual_matrix(rows, m, weight, compliance, G):
-    """G = A Q^-1 A^T + c I of the first m rows; returns c."""
+def _scale_rows(rows, m, weight, compliance, dual):
+    """Columns of A Q^-1/2; returns c, the compliance times the largest entry of A Q^-1 A^T."""
+    for i in range(m):
+        dual.value[i] = 0.0
+    for j in range(weight.shape[0]):
+        scale = 1.0 / np.sqrt(weight[j])
+        for i in range(m):
+            entry = rows[i, j] * scale
+            dual.columns[j, i] = entry
+            dual.value[i] += entry * entry
     largest = 0.0
     for i in range(m):
-        for k in range(i + 1):
-            total = 0.0
-            for j in range(weight.shape[0]):
-                total += rows[i, j] * rows[k, j] / weight[j]
-            G[i, k] = G[k, i] = total
-        largest = max(largest, G[i, i])
-    c = compliance * largest
-    for i in range(m):
-        G[i, i] += c
-    return c
+        largest = max(largest, dual.value[i])
+    return compliance * largest
 
 
 @kernel
-def _solve_passive(G, r, passive, p, L, z):
-    """Solve G z = -r on the rows `passive[:p]` by Cholesky; L and z are scratch and output."""
-    for i in range(p):
+def _values(r, m, p, dual):
+    """Values r + A Q^-1 A^T lambda of all constraints, from the p passive multipliers."""
+    for i in range(m):
+        dual.value[i] = r[i]
+    for j in range(dual.step.shape[0]):
+        step = 0.0
+        for k in range(p):
+            step += dual.columns[j, dual.passive[k]] * dual.multipliers[dual.passive[k]]
+        for i in range(m):
+            dual.value[i] += step * dual.columns[j, i]
+
+
+@kernel
+def _enter(i, p, c, dual):
+    """Append row i to the passive set: its entries of G."""
+    dual.passive[p] = i
+    for k in range(p + 1):
+        other, total = dual.passive[k], 0.0
+        for j in range(dual.step.shape[0]):
+            total += dual.columns[j, i] * dual.columns[j, other]
+        dual.G[i, other] = dual.G[other, i] = total
+    dual.G[i, i] += c
+
+
+@kernel
+def _factor(r, begin, p, dual):
+    """Rows begin to p - 1 of the Cholesky factor of G on the passive set, and of its forward solution."""
+    L, passive = dual.L, dual.passive
+    for i in range(begin, p):
         a = passive[i]
-        for k in range(i + 1):
-            total = G[a, passive[k]]
+        square, forward = dual.G[a, a], -r[a]
+        for k in range(i):
+            total = dual.G[a, passive[k]]
             for j in range(k):
                 total -= L[i, j] * L[k, j]
-            if i == k:
-                L[i, i] = np.sqrt(max(total, 1e-300))
-            else:
-                L[i, k] = total / L[k, k]
-        total = -r[a]
-        for j in range(i):
-            total -= L[i, j] * z[j]
-        z[i] = total / L[i, i]
+            entry = total * dual.inverse[k]
+            L[i, k] = entry
+            square -= entry * entry
+            forward -= entry * dual.forward[k]
+        dual.inverse[i] = 1.0 / np.sqrt(max(square, 1e-300))
+        dual.forward[i] = forward * dual.inverse[i]
+
+
+@kernel
+def _substitute(p, dual):
+    """Minimiser z on the passive set: L^T z = forward."""
+    L, z = dual.L, dual.z
+    for i in range(p):
+        z[i] = dual.forward[i]
     for i in range(p - 1, -1, -1):
-        total = z[i]
-        for j in range(i + 1, p):
-            total -= L[j, i] * z[j]
-        z[i] = total / L[i, i]
+        z[i] *= dual.inverse[i]
+        for j in range(i):
+            z[j] -= L[i, j] * z[i]
 
 
 @kernel
-def _enter_and_leave(G, r, passive, p, L, z, multipliers):
-    """Minimise on the passive set, dropping rows that turn negative; returns the set's new size."""
-    while True:
-        _solve_passive(G, r, passive, p, L, z)
-        step, inside = 1.0, True
-        for i in range(p):
-            if z[i] <= 0.0:
-                inside = False
-                old = multipliers[passive[i]]
-                step = min(step, old / (old - z[i]) if old > z[i] else 0.0)
-        if inside:
-            for i in range(p):
-                multipliers[passive[i]] = z[i]
-            return p
-        kept = 0
-        for i in range(p):
-            a = passive[i]
-            value = multipliers[a] + step * (z[i] - multipliers[a])
-            multipliers[a] = 0.0
-            if z[i] > 0.0 or value > 1e-14 * abs(z[i]):
-                multipliers[a] = value
-                passive[kept] = a
-                kept += 1
-        p = kept
+def _step_inside(p, dual):
+    """Share of the way from the multipliers to z on which none turns negative; above 1 if none does."""
+    share = np.inf
+    for i in range(p):
+        z = dual.z[i]
+        if z <= 0.0:
+            old = dual.multipliers[dual.passive[i]]
+            share = min(share, old / (old - z) if old > z else 0.0)
+    return share
 
 
 @kernel
-def solve_dual(G, r, m, multipliers, passive, L, z):
-    """Exact active-set solution of min 1/2 x^T G x + x^T r over x >= 0 (Lawson and Hanson 1974).
-
-    Args:
-        G: dual matrix, at least (m, m), positive definite.
-        r: constraint values at the free step, shape (m,), m.
-        m: number of rows.
-        multipliers: output, shape (m,).
-        passive, L, z: scratch of sizes (m,), (m, m), (m,).
+def _leave(share, p, dual):
+    """Go that share of the way to z and drop the rows whose multipliers reach 0.
 
     Returns:
-        Number of rows with a positive multiplier; they stand first in `passive`.
+        (begin, p): the first position that has changed, and the set's new size.
     """
+    kept, begin = 0, -1
+    for i in range(p):
+        a, z = dual.passive[i], dual.z[i]
+        value = dual.multipliers[a] + share * (z - dual.multipliers[a])
+        if z > 0.0 or value > 1e-14 * abs(z):
+            dual.multipliers[a] = value
+            dual.passive[kept] = a
+            kept += 1
+        else:
+            dual.multipliers[a] = 0.0
+            begin = kept if begin < 0 else begin
+    return (kept if begin < 0 else begin), kept
+
+
+@kernel
+def _minimise(r, p, dual):
+    """Minimise on the passive set, whose last row is new, dropping rows that turn negative; returns its new size."""
+    begin = p - 1
+    while True:
+        _factor(r, begin, p, dual)
+        _substitute(p, dual)
+        share = _step_inside(p, dual)
+        if share > 1.0:
+            for i in range(p):
+                dual.multipliers[dual.passive[i]] = dual.z[i]
+            return p
+        begin, p = _leave(share, p, dual)
+
+
+@kernel
+def solve_dual(rows, m, weight, compliance, r, dual):
+    """Exact active-set solution of min 1/2 x^T G x + x^T r over x >= 0 (Lawson and Hanson 1974).
+
+    G = A Q^-1 A^T + c I is only formed on the rows that enter the passive set, and its Cholesky factor
+    grows with it.
+
+    Args:
+        rows: A, at least (m, d).
+        m: number of rows.
+        weight: diagonal of Q, shape (d,).
+        compliance: c relative to the largest diagonal entry of A Q^-1 A^T.
+        r: constraint values at the free step, shape (m,), m.
+        dual: scratch from `make_dual`; `dual.multipliers` is the solution.
+
+    Returns:
+        Number of rows with a positive multiplier; they stand first in `dual.passive`.
+    """
+    c = _scale_rows(rows, m, weight, compliance, dual)
     for i in range(m):
-        multipliers[i] = 0.0
+        dual.multipliers[i] = 0.0
     p, blocked = 0, -1
     for _ in range(3 * m + 10):
+        _values(r, m, p, dual)
         enter, worst = -1, -VIOLATION_TOLERANCE
         for i in range(m):
-            if multipliers[i] > 0.0 or i == blocked:
-                continue
-            value = r[i]
-            for k in range(p):
-                value += G[i, passive[k]] * multipliers[passive[k]]
-            if value < worst:
-                enter, worst = i, value
+            if dual.value[i] < worst and dual.multipliers[i] <= 0.0 and i != blocked:
+                enter, worst = i, dual.value[i]
         if enter < 0:
             return p
-        passive[p] = enter
-        p = _enter_and_leave(G, r, passive, p + 1, L, z, multipliers)
-        blocked = -1 if multipliers[enter] > 0.0 else enter  # rounding sent it straight out again
+        _enter(enter, p, c, dual)
+        p = _minimise(r, p + 1, dual)
+        blocked = -1 if dual.multipliers[enter] > 0.0 else enter  # rounding sent it straight out again
     return p

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD, TOUCH_DISTANCE
-from piec_envs.dynamics.contact_qp import dual_matrix, solve_dual
+from piec_envs.dynamics.contact_qp import DualScratch, make_dual, solve_dual
 from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
 from piec_envs.geometry.distance import link_distances
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
@@ -52,11 +52,7 @@ class _Workspace(NamedTuple):
     free: np.ndarray  # (n + 3,) Q^-1 b
     rows: np.ndarray  # (2 C, n + 3) A
     value: np.ndarray  # (2 C,) A Q^-1 b + phi
-    G: np.ndarray
-    L: np.ndarray
-    multipliers: np.ndarray
-    passive: np.ndarray
-    z: np.ndarray
+    dual: DualScratch
 
 
 @batch_kernel
@@ -79,11 +75,7 @@ def make_workspace(scene):
         np.empty(n + 3),
         np.empty((m, n + 3)),
         np.empty(m),
-        np.empty((m, m)),
-        np.empty((m, m)),
-        np.empty(m),
-        np.empty(m, dtype=np.int64),
-        np.empty(m),
+        make_dual(n + 3, m),
     )
 
 
@@ -142,21 +134,20 @@ def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
     active = 0
     for i in range(m):
         if work.value[i] < 0.0:
-            dual_matrix(work.rows, m, work.weight, model.compliance, work.G)
-            active = solve_dual(work.G, work.value, m, work.multipliers, work.passive, work.L, work.z)
+            active = solve_dual(work.rows, m, work.weight, model.compliance, work.value, work.dual)
             break
-    for j in range(n):  # q + dq with dq = (q_cmd - q) + K^-1 A^T lambda
+    passive, multipliers = work.dual.passive, work.dual.multipliers
+    for j in range(n + 3):
         push = 0.0
         for i in range(active):
-            push += work.rows[work.passive[i], j] * work.multipliers[work.passive[i]]
-        new_q[j] = q_cmd[j] + push / work.weight[j]
-    for j in range(3):
-        push = 0.0
-        for i in range(active):
-            push += work.rows[work.passive[i], n + j] * work.multipliers[work.passive[i]]
-        new_pose[j] = pose[j] + (work.free[n + j] + push / work.weight[n + j])
+            push += work.rows[passive[i], j] * multipliers[passive[i]]
+        push /= work.weight[j]
+        if j < n:
+            new_q[j] = q_cmd[j] + push  # q + dq with dq = (q_cmd - q) + K^-1 A^T lambda
+        else:
+            new_pose[j - n] = pose[j - n] + (work.free[j] + push)
     for i in range(active):
-        touched[work.contacts.link[work.passive[i] // 2]] = True
+        touched[work.contacts.link[passive[i] // 2]] = True
     return active
 
 

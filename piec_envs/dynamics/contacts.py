@@ -126,15 +126,18 @@ def contact_rows(scene, frames, pose, contacts, friction, rows):
     """
     n = scene.stiffness.shape[0]
     for i in range(contacts.number[0]):
-        n_x, n_y = contacts.normal[i, 0], contacts.normal[i, 1]
-        for side in range(2):
-            sign = -1.0 if side == 0 else 1.0
-            d_x, d_y = n_x - sign * friction * n_y, n_y + sign * friction * n_x  # tangent = (-n_y, n_x)
-            row = rows[2 * i + side]
-            for j in range(n):
-                row[j] = 0.0
-                if j < contacts.frame[i]:
-                    v_x, v_y = point_velocity(scene, frames, j, contacts.on_robot[i, 0], contacts.on_robot[i, 1])
-                    row[j] = -(d_x * v_x + d_y * v_y)
-            arm_x, arm_y = contacts.on_object[i, 0] - pose[0], contacts.on_object[i, 1] - pose[1]
-            row[n], row[n + 1], row[n + 2] = d_x, d_y, d_y * arm_x - d_x * arm_y
+        n_x, n_y = friction * contacts.normal[i, 0], friction * contacts.normal[i, 1]
+        r_x, r_y = contacts.on_robot[i, 0], contacts.on_robot[i, 1]
+        arm_x, arm_y = contacts.on_object[i, 0] - pose[0], contacts.on_object[i, 1] - pose[1]
+        # J_n +/- mu J_t project on the normal plus or minus mu times the tangent (-n_y, n_x)
+        a_x, a_y = contacts.normal[i, 0] + n_y, contacts.normal[i, 1] - n_x
+        b_x, b_y = contacts.normal[i, 0] - n_y, contacts.normal[i, 1] + n_x
+        a, b = rows[2 * i], rows[2 * i + 1]
+        moved = contacts.frame[i]  # joints before it move the contact point
+        for j in range(moved):
+            v_x, v_y = point_velocity(scene, frames, j, r_x, r_y)
+            a[j], b[j] = -(a_x * v_x + a_y * v_y), -(b_x * v_x + b_y * v_y)
+        a[moved:n] = 0.0
+        b[moved:n] = 0.0
+        a[n], a[n + 1], a[n + 2] = a_x, a_y, a_y * arm_x - a_x * arm_y
+        b[n], b[n + 1], b[n + 2] = b_x, b_y, b_y * arm_x - b_x * arm_y

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Plant
-from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, dual_matrix, solve_dual, solve_osqp
+from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, make_dual, solve_dual, solve_osqp
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.dynamics.reference import assemble_problem
@@ -24,13 +24,11 @@ ROBOT = get_robot("planar_arm")
 
 def solve_fast(problem: ContactProblem) -> ContactSolution:
     """The compiled active-set solver on a problem object."""
-    m = len(problem.gap)
-    G, multipliers = np.empty((m, m)), np.zeros(m)
+    m, d = problem.rows.shape
+    dual = make_dual(d, m)
     value = problem.rows @ problem.free + problem.gap
-    if m:
-        dual_matrix(problem.rows, m, problem.weight, problem.compliance, G)
-        scratch = np.empty(m, dtype=np.int64), np.empty((m, m)), np.empty(m)
-        solve_dual(G, value, m, multipliers, *scratch)
+    solve_dual(problem.rows, m, problem.weight, problem.compliance, value, dual)
+    multipliers = dual.multipliers
     return ContactSolution(problem.free + problem.rows.T @ multipliers / problem.weight, multipliers)
 
 
