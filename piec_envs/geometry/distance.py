@@ -117,6 +117,15 @@ def _separation(a, a_first, a_last, b, b_first, b_last):
 
 
 @kernel
+def front_of(vertices, first, last, n_x, n_y):
+    """Least coordinate of a polygon's vertices along n, m."""
+    front = np.inf
+    for v in range(first, last):
+        front = min(front, vertices[v, 0] * n_x + vertices[v, 1] * n_y)
+    return front
+
+
+@kernel
 def core_distance(a, a_first, a_last, b, b_first, b_last):
     """Signed distance of two convex cores and the normal from a to b.
 
@@ -136,12 +145,17 @@ def core_distance(a, a_first, a_last, b, b_first, b_last):
         gap, g_x, g_y, met = gap_b, -b_x, -b_y, met_b  # the normal points from a to b
     if gap < 0.0 or met:
         return gap, g_x, g_y
+    front = front_of(b, b_first, b_last, g_x, g_y)
     best, n_x, n_y = np.inf, 1.0, 0.0
     for v in range(b_first, b_last):
+        if b[v, 0] * g_x + b[v, 1] * g_y - front + gap >= best:
+            continue  # as far as that from the line along a
         d, _, _, d_x, d_y, _ = closest_on_polygon(a, a_first, a_last, b[v, 0], b[v, 1])
         if d < best:
             best, n_x, n_y = d, d_x, d_y
     for v in range(a_first, a_last):
+        if front - a[v, 0] * g_x - a[v, 1] * g_y >= best:
+            continue
         d, _, _, d_x, d_y, _ = closest_on_polygon(b, b_first, b_last, a[v, 0], a[v, 1])
         if d < best:
             best, n_x, n_y = d, -d_x, -d_y
@@ -151,12 +165,13 @@ def core_distance(a, a_first, a_last, b, b_first, b_last):
 
 
 @kernel
-def link_distances(scene, robot_vertices, object_vertices, distances):
+def link_distances(scene, robot_vertices, object_vertices, pairs, distances):
     """Signed distance from each link to the object.
 
     Args:
         scene: a `PackedScene`.
         robot_vertices, object_vertices: world vertices from `place_shapes`.
+        pairs: output, `core_distance` of each robot shape and object shape, shape (S, K, 3).
         distances: output, shape (links,), m.
     """
     robot, item = scene.robot, scene.object
@@ -164,11 +179,18 @@ def link_distances(scene, robot_vertices, object_vertices, distances):
         distances[k] = np.inf
     for i in range(robot.radius.shape[0]):
         for k in range(item.radius.shape[0]):
-            core, _, _ = core_distance(
+            core, n_x, n_y = core_distance(
                 robot_vertices, robot.first[i], robot.first[i + 1], object_vertices, item.first[k], item.first[k + 1]
             )
+            pairs[i, k, 0], pairs[i, k, 1], pairs[i, k, 2] = core, n_x, n_y
             gap = core - robot.radius[i] - item.radius[k]
             distances[robot.link[i]] = min(distances[robot.link[i]], gap)
+
+
+@batch_kernel
+def make_pairs(scene):
+    """Room for `pairs` of `link_distances`."""
+    return np.empty((scene.robot.radius.shape[0], scene.object.radius.shape[0], 3))
 
 
 @kernel
@@ -252,5 +274,5 @@ def scene_distances(scene, q, pose, distances):
     place_shapes(scene.robot, frames, robot_vertices, robot_centres)
     pose_frame(pose, object_frame)
     place_shapes(scene.object, object_frame, object_vertices, object_centres)
-    link_distances(scene, robot_vertices, object_vertices, distances)
+    link_distances(scene, robot_vertices, object_vertices, make_pairs(scene), distances)
     return self_distance(scene, robot_vertices)
