@@ -166,7 +166,7 @@ def contact_rows(scene, frames, pose, contacts, friction, rows):
         for j in range(moved):
             v_x, v_y = point_velocity(scene, frames, j, r_x, r_y)
             a[j], b[j] = -(a_x * v_x + a_y * v_y), -(b_x * v_x + b_y * v_y)
-        a[moved:n] = 0.0
-        b[moved:n] = 0.0
+        for j in range(moved, n):
+            a[j] = b[j] = 0.0
         a[n], a[n + 1], a[n + 2] = a_x, a_y, a_y * arm_x - a_x * arm_y
         b[n], b[n + 1], b[n + 2] = b_x, b_y, b_y * arm_x - b_x * arm_y
