@@ -14,7 +14,7 @@ from evaluation.bench.base import QUICK, Row, Sizes
 from evaluation.bench.dynamics import mujoco_steps
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
 from evaluation.bench.fields import network_queries, table_queries
-from evaluation.bench.kernels import contact_step, escape_fields, slowest_steps
+from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
 from evaluation.bench.planning import full_plans, static_caging
 from piec_envs.parallel import available_threads
 from piec_envs.versions import versions
@@ -34,6 +34,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
     """
     benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
         "contact step": contact_step,
+        "mobile Franka": franka_steps,
         "slowest steps": slowest_steps,
         "vector steps": vector_steps,
         "single step": single_step,

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from evaluation.bench.base import Row, Sizes, make_batch, median_seconds, row
 from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.errors import MissingDependencyError
 from piec_envs.escape.grid import GridField
 
 
@@ -33,6 +36,39 @@ def contact_step(sizes: Sizes) -> list[Row]:
         row("contact step, osqp", 1e6 * osqp, "us", "", f"one core, in contact {100 * osqp_share:.0f} % of the steps"),
         row("contact step, fast over osqp", osqp / fast, "times", "at least 300", "per core"),
     ]
+
+
+def franka_steps(sizes: Sizes) -> list[Row]:
+    """Batched rollouts of the mobile Franka on one core while its arm carries a caged object, and all they measure."""
+    rows = []
+    for name, wanted in (("circle_119", "at most 3"), ("box_212", "at most 10")):
+        for sigma in (0.0, 0.005):
+            label = f"step of the mobile Franka, {name}{', noise' if sigma else ''}"
+            try:
+                rows.append(_carry(sizes, name, sigma, label, wanted))
+            except MissingDependencyError as error:
+                rows.append({**row(label, np.nan, "us"), "note": str(error)})
+    return rows
+
+
+def _carry(sizes: Sizes, name: str, sigma: float, label: str, wanted: str) -> Row:
+    """Time of a step while the base carries the object to the goal and the arm closes on it a little."""
+    start = np.array([0.416, 0.319, -0.986, -2.134, 0.785])  # the arm around the object
+    env: Any = gym.make(
+        "piec_envs/MobileFrankaPush-v0", disable_env_checker=True, start=start.tolist(), object=name, disturbance=sigma,
+        escape_field=None, threads=1,
+    ).unwrapped  # fmt: skip
+    env.reset(seed=0)
+    time, batch = np.arange(1, sizes.motion + 1) / sizes.motion, env.batch
+    path = np.tile(start, (sizes.rows, sizes.motion, 1))
+    path[:, :, :2] += np.minimum(1.0, time / 0.6)[:, None] * (batch.task.goal - batch.task.start[:2])
+    path[:, :, 3:] -= 0.1 * time[None, :, None] * np.random.default_rng(0).uniform(0, 1, (sizes.rows, 1, 2))
+    states = batch.state.take([0] * sizes.rows)
+    states.seed = np.arange(sizes.rows)
+    call = partial(batch.rollout, states, path, absolute=True)
+    share = float((call().motion.active[:, 1:] > 0).mean())
+    seconds = median_seconds(call, sizes.repeats) / (sizes.rows * sizes.motion)
+    return row(label, 1e6 * seconds, "us", wanted, f"one core, in contact {100 * share:.0f} % of the steps")
 
 
 def slowest_steps(sizes: Sizes) -> list[Row]:

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from piec_envs.dynamics.active_set import DualScratch, make_dual, solve_dual
 from piec_envs.dynamics.base import CONTROL_PERIOD, TOUCH_DISTANCE
-from piec_envs.dynamics.contact_qp import dual_matrix, solve_dual
 from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
-from piec_envs.geometry.distance import link_distances
+from piec_envs.geometry.distance import link_distances, make_pairs
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
 from piec_envs.kernels import batch_kernel, kernel
 
@@ -47,16 +47,13 @@ class _Workspace(NamedTuple):
     robot_centres: np.ndarray
     object_vertices: np.ndarray
     object_centres: np.ndarray
+    pairs: np.ndarray  # of `link_distances`
     contacts: Contacts
     weight: np.ndarray  # (n + 3,) diagonal of Q
     free: np.ndarray  # (n + 3,) Q^-1 b
     rows: np.ndarray  # (2 C, n + 3) A
     value: np.ndarray  # (2 C,) A Q^-1 b + phi
-    G: np.ndarray
-    L: np.ndarray
-    multipliers: np.ndarray
-    passive: np.ndarray
-    z: np.ndarray
+    dual: DualScratch
 
 
 @batch_kernel
@@ -74,26 +71,24 @@ def make_workspace(scene):
         np.empty_like(scene.robot.centre),
         np.empty_like(scene.object.vertices),
         np.empty_like(scene.object.centre),
+        make_pairs(scene),
         make_contacts(),
         weight,
         np.empty(n + 3),
         np.empty((m, n + 3)),
         np.empty(m),
-        np.empty((m, m)),
-        np.empty((m, m)),
-        np.empty(m),
-        np.empty(m, dtype=np.int64),
-        np.empty(m),
+        make_dual(weight, m),
     )
 
 
 @kernel
-def place(scene, q, pose, work):
-    """World geometry of one state."""
+def place(scene, q, pose, work, distance):
+    """World geometry of one state, and its link distances (links,), m."""
     link_frames(scene, q, work.frames)
     place_shapes(scene.robot, work.frames, work.robot_vertices, work.robot_centres)
     pose_frame(pose, work.object_frame)
     place_shapes(scene.object, work.object_frame, work.object_vertices, work.object_centres)
+    link_distances(scene, work.robot_vertices, work.object_vertices, work.pairs, distance)
 
 
 @kernel
@@ -120,10 +115,7 @@ def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
         work.free[j] = q_cmd[j] - q[j]
         margin += scene.reach[j] * max(abs(work.free[j]), CONTROL_PERIOD * scene.speed_limit[j])
     work.free[n], work.free[n + 1], work.free[n + 2] = w_x, w_y, 0.0
-    find_contacts(
-        scene, work.robot_vertices, work.robot_centres, work.object_vertices, work.object_centres,
-        MARGIN_FACTOR * margin, work.contacts,
-    )  # fmt: skip
+    find_contacts(scene, work.robot_vertices, work.object_vertices, work.pairs, MARGIN_FACTOR * margin, work.contacts)
     contact_rows(scene, work.frames, pose, work.contacts, friction, work.rows)
     for i in range(2 * work.contacts.number[0]):
         value = max(work.contacts.gap[i // 2], -model.push_out)
@@ -142,41 +134,41 @@ def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
     active = 0
     for i in range(m):
         if work.value[i] < 0.0:
-            dual_matrix(work.rows, m, work.weight, model.compliance, work.G)
-            active = solve_dual(work.G, work.value, m, work.multipliers, work.passive, work.L, work.z)
+            # Of the rows that a displacement violates most leave again; of the others nearly all press.
+            calm = work.free[n] == 0.0 and work.free[n + 1] == 0.0
+            active = solve_dual(work.rows, m, model.compliance, work.value, calm, work.dual)
             break
-    for j in range(n):  # q + dq with dq = (q_cmd - q) + K^-1 A^T lambda
+    passive, multipliers = work.dual.passive, work.dual.multipliers
+    for j in range(n + 3):
         push = 0.0
         for i in range(active):
-            push += work.rows[work.passive[i], j] * work.multipliers[work.passive[i]]
-        new_q[j] = q_cmd[j] + push / work.weight[j]
-    for j in range(3):
-        push = 0.0
-        for i in range(active):
-            push += work.rows[work.passive[i], n + j] * work.multipliers[work.passive[i]]
-        new_pose[j] = pose[j] + (work.free[n + j] + push / work.weight[n + j])
+            push += work.rows[passive[i], j] * multipliers[passive[i]]
+        push /= work.weight[j]
+        if j < n:
+            new_q[j] = q_cmd[j] + push  # q + dq with dq = (q_cmd - q) + K^-1 A^T lambda
+        else:
+            new_pose[j - n] = pose[j - n] + (work.free[j] + push)
     for i in range(active):
-        touched[work.contacts.link[work.passive[i] // 2]] = True
+        touched[work.contacts.link[passive[i] // 2]] = True
     return active
 
 
 @kernel
-def _measure(scene, work, t, distance, contact):
-    """Link distances at time t, and links within touching distance added to the contacts."""
-    link_distances(scene, work.robot_vertices, work.object_vertices, distance[t])
-    for k in range(scene.links):
-        contact[t, k] = contact[t, k] or distance[t, k] <= TOUCH_DISTANCE
+def _touch(distance, contact):
+    """Add the links within touching distance to those in contact."""
+    for k in range(distance.shape[0]):
+        contact[k] = contact[k] or distance[k] <= TOUCH_DISTANCE
 
 
 @kernel
 def _rollout_row(scene, model, values, absolute, displacement, friction, work, motion):
     """Simulate one row; arguments as in `rollout_rows` without the row axis."""
     q_r, q_cmd, pose, actions, distance, contact, active = motion
-    place(scene, q_r[0], pose[0], work)
+    place(scene, q_r[0], pose[0], work, distance[0])
     for k in range(scene.links):
         contact[0, k] = False
     active[0] = 0
-    _measure(scene, work, 0, distance, contact)
+    _touch(distance[0], contact[0])
     for t in range(values.shape[0]):
         w_x, w_y = 0.0, 0.0
         if displacement.shape[0] > 0:
@@ -188,12 +180,12 @@ def _rollout_row(scene, model, values, absolute, displacement, friction, work, m
             here[0] += w_x
             here[1] += w_y
             w_x, w_y = 0.0, 0.0
-            place(scene, q_r[t], here, work)
+            place(scene, q_r[t], here, work, distance[t + 1])  # overwritten at the end of the step
         advance_command(scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1])
         m = assemble(scene, model, friction, q_r[t], q_cmd[t + 1], here, w_x, w_y, work)
         active[t + 1] = _solve_and_move(model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1])
-        place(scene, q_r[t + 1], here, work)
-        _measure(scene, work, t + 1, distance, contact)
+        place(scene, q_r[t + 1], here, work, distance[t + 1])
+        _touch(distance[t + 1], contact[t + 1])
 
 
 @batch_kernel

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.geometry.distance import closest_on_polygon
+from piec_envs.geometry.distance import closest_on_polygon, front_of
 from piec_envs.geometry.kinematics import point_velocity
 from piec_envs.kernels import batch_kernel, kernel
 
@@ -57,35 +57,39 @@ def _add_contact(contacts, gap, r_x, r_y, o_x, o_y, n_x, n_y, frame, link):
 
 
 @kernel
-def _pair_contacts(scene, i, k, robot_vertices, object_vertices, margin, contacts):
-    """Every vertex-to-edge and mutual vertex-to-vertex pair of robot shape i and object shape k."""
+def _object_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts):
+    """Vertices of object shape k on edges of robot shape i, and mutual vertex-to-vertex pairs."""
     robot, item = scene.robot, scene.object
-    a_first, a_last = robot.first[i], robot.first[i + 1]
-    b_first, b_last = item.first[k], item.first[k + 1]
-    r_a, r_b = robot.radius[i], item.radius[k]
-    reach = margin + r_a + r_b
-    for v in range(b_first, b_last):
+    first, last, r_a, r_b = item.first[k], item.first[k + 1], robot.radius[i], item.radius[k]
+    for v in range(first, last):
         x, y = object_vertices[v, 0], object_vertices[v, 1]
-        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(robot_vertices, a_first, a_last, x, y)
+        if x * nearest[1] + y * nearest[2] - front + nearest[0] >= reach:
+            continue
+        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(robot_vertices, robot.first[i], robot.first[i + 1], x, y)
         if d >= reach:
             continue
-        if corner >= 0 and b_last - b_first > 1:
-            back = closest_on_polygon(
-                object_vertices, b_first, b_last, robot_vertices[corner, 0], robot_vertices[corner, 1]
-            )
+        if corner >= 0:
+            back = closest_on_polygon(object_vertices, first, last, c_x, c_y)
             if back[5] != v:
                 continue  # the corner is nearer to another part of the object
         _add_contact(
             contacts, d - r_a - r_b, c_x + r_a * n_x, c_y + r_a * n_y, x - r_b * n_x, y - r_b * n_y, n_x, n_y,
             robot.frame[i], robot.link[i],
         )  # fmt: skip
-    if b_last - b_first == 1:
-        return  # a disc has no edges
-    for v in range(a_first, a_last):
+
+
+@kernel
+def _robot_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts):
+    """Vertices of robot shape i on edges of object shape k."""
+    robot, item = scene.robot, scene.object
+    first, last, r_a, r_b = item.first[k], item.first[k + 1], robot.radius[i], item.radius[k]
+    for v in range(robot.first[i], robot.first[i + 1]):
         x, y = robot_vertices[v, 0], robot_vertices[v, 1]
-        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(object_vertices, b_first, b_last, x, y)
+        if front - x * nearest[1] - y * nearest[2] >= reach:
+            continue
+        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(object_vertices, first, last, x, y)
         if d >= reach or corner >= 0:
-            continue  # vertex-to-vertex pairs were found above
+            continue  # vertex-to-vertex pairs are found from the object's side
         _add_contact(
             contacts, d - r_a - r_b, x - r_a * n_x, y - r_a * n_y, c_x + r_b * n_x, c_y + r_b * n_y, -n_x, -n_y,
             robot.frame[i], robot.link[i],
@@ -93,12 +97,30 @@ def _pair_contacts(scene, i, k, robot_vertices, object_vertices, margin, contact
 
 
 @kernel
-def find_contacts(scene, robot_vertices, robot_centres, object_vertices, object_centres, margin, contacts):
-    """Fill `contacts` with all contact points nearer than `margin`.
+def _disc_contact(scene, i, k, object_vertices, nearest, contacts):
+    """The one contact of robot shape i and a disc, which has no edges."""
+    robot, item = scene.robot, scene.object
+    core, n_x, n_y = nearest
+    x, y = object_vertices[item.first[k], 0], object_vertices[item.first[k], 1]
+    r_a, r_b = robot.radius[i], item.radius[k]
+    to_robot = core - r_a
+    _add_contact(
+        contacts, core - r_a - r_b, x - to_robot * n_x, y - to_robot * n_y, x - r_b * n_x, y - r_b * n_y, n_x, n_y,
+        robot.frame[i], robot.link[i],
+    )  # fmt: skip
+
+
+@kernel
+def find_contacts(scene, robot_vertices, object_vertices, pairs, margin, contacts):
+    """Fill `contacts` with all contact points nearer than `margin`: vertices on edges, and mutual pairs of vertices.
+
+    The normal of two shapes' distance is that of a line between them, and a vertex is as far from the
+    other shape as from its front at least: most need no search.
 
     Args:
         scene: a `PackedScene`.
-        robot_vertices, robot_centres, object_vertices, object_centres: from `place_shapes`.
+        robot_vertices, object_vertices: from `place_shapes`.
+        pairs: distances and normals of the shapes, from `link_distances`.
         margin: m.
         contacts: output buffers from `make_contacts`.
     """
@@ -106,10 +128,17 @@ def find_contacts(scene, robot_vertices, robot_centres, object_vertices, object_
     contacts.number[0] = 0
     for i in range(robot.radius.shape[0]):
         for k in range(item.radius.shape[0]):
-            d_x = robot_centres[i, 0] - object_centres[k, 0]
-            d_y = robot_centres[i, 1] - object_centres[k, 1]
-            if d_x * d_x + d_y * d_y < (margin + robot.bound[i] + item.bound[k]) ** 2:
-                _pair_contacts(scene, i, k, robot_vertices, object_vertices, margin, contacts)
+            nearest = pairs[i, k, 0], pairs[i, k, 1], pairs[i, k, 2]
+            reach = margin + robot.radius[i] + item.radius[k]
+            if nearest[0] >= reach:
+                continue
+            first, last = item.first[k], item.first[k + 1]
+            if last - first == 1:
+                _disc_contact(scene, i, k, object_vertices, nearest, contacts)
+                continue
+            front = front_of(object_vertices, first, last, nearest[1], nearest[2])
+            _object_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts)
+            _robot_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts)
 
 
 @kernel
@@ -126,15 +155,18 @@ def contact_rows(scene, frames, pose, contacts, friction, rows):
     """
     n = scene.stiffness.shape[0]
     for i in range(contacts.number[0]):
-        n_x, n_y = contacts.normal[i, 0], contacts.normal[i, 1]
-        for side in range(2):
-            sign = -1.0 if side == 0 else 1.0
-            d_x, d_y = n_x - sign * friction * n_y, n_y + sign * friction * n_x  # tangent = (-n_y, n_x)
-            row = rows[2 * i + side]
-            for j in range(n):
-                row[j] = 0.0
-                if j < contacts.frame[i]:
-                    v_x, v_y = point_velocity(scene, frames, j, contacts.on_robot[i, 0], contacts.on_robot[i, 1])
-                    row[j] = -(d_x * v_x + d_y * v_y)
-            arm_x, arm_y = contacts.on_object[i, 0] - pose[0], contacts.on_object[i, 1] - pose[1]
-            row[n], row[n + 1], row[n + 2] = d_x, d_y, d_y * arm_x - d_x * arm_y
+        n_x, n_y = friction * contacts.normal[i, 0], friction * contacts.normal[i, 1]
+        r_x, r_y = contacts.on_robot[i, 0], contacts.on_robot[i, 1]
+        arm_x, arm_y = contacts.on_object[i, 0] - pose[0], contacts.on_object[i, 1] - pose[1]
+        # J_n +/- mu J_t project on the normal plus or minus mu times the tangent (-n_y, n_x)
+        a_x, a_y = contacts.normal[i, 0] + n_y, contacts.normal[i, 1] - n_x
+        b_x, b_y = contacts.normal[i, 0] - n_y, contacts.normal[i, 1] + n_x
+        a, b = rows[2 * i], rows[2 * i + 1]
+        moved = contacts.frame[i]  # joints before it move the contact point
+        for j in range(moved):
+            v_x, v_y = point_velocity(scene, frames, j, r_x, r_y)
+            a[j], b[j] = -(a_x * v_x + a_y * v_y), -(b_x * v_x + b_y * v_y)
+        for j in range(moved, n):
+            a[j] = b[j] = 0.0
+        a[n], a[n + 1], a[n + 2] = a_x, a_y, a_y * arm_x - a_x * arm_y
+        b[n], b[n + 1], b[n + 2] = b_x, b_y, b_y * arm_x - b_x * arm_y

@@ -6,7 +6,7 @@ import numpy as np
 
 from piec_envs.dynamics.base import TOUCH_DISTANCE
 from piec_envs.dynamics.contact_step import advance_command
-from piec_envs.geometry.distance import link_distances
+from piec_envs.geometry.distance import link_distances, make_pairs
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
 from piec_envs.kernels import batch_kernel, kernel
 
@@ -16,12 +16,12 @@ SHIFT_TRIES = 60  # in all, which bounds the search where no try meets it
 
 
 @kernel
-def _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, pose, distances):
+def _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, pose, pairs, distances):
     """Least distance of the object at a pose to the robot; fills `distances` (links,)."""
     pose[0], pose[1], pose[2] = x, y, angle
     pose_frame(pose, frame)
     place_shapes(scene.object, frame, object_vertices, object_centres)
-    link_distances(scene, vertices, object_vertices, distances)
+    link_distances(scene, vertices, object_vertices, pairs, distances)
     least = np.inf
     for k in range(distances.shape[0]):
         least = min(least, distances[k])
@@ -69,7 +69,7 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
     frames, frame = np.empty((n + 1, 4)), np.empty((1, 4))
     vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
     object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
-    moved, distances = np.empty(3), np.empty(scene.links)
+    moved, pairs, distances = np.empty(3), make_pairs(scene), np.empty(scene.links)
     for r in range(lo, hi):
         i = rows[r]
         x, y, angle = pose[i, t, 0], pose[i, t, 1], pose[i, t, 2]
@@ -78,7 +78,9 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
         if w_x != 0.0 or w_y != 0.0:
             link_frames(scene, q_r[i, t], frames)
             place_shapes(scene.robot, frames, vertices, centres)
-            here = _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, moved, distances)
+            here = _distance_at(
+                scene, vertices, x, y, angle, frame, object_vertices, object_centres, moved, pairs, distances
+            )
             free, part = min(here, 0.0), 1.0 / SHIFT_STEPS
             failures = 0
             for _ in range(SHIFT_TRIES):
@@ -87,7 +89,7 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
                 tried = min(share + part, 1.0)
                 there = _distance_at(
                     scene, vertices, x + tried * w_x, y + tried * w_y, angle, frame, object_vertices, object_centres,
-                    moved, distances,
+                    moved, pairs, distances,
                 )  # fmt: skip
                 if there >= free:
                     share = tried
@@ -115,7 +117,7 @@ def measure_motion_rows(lo, hi, rows, scene, q_r, pose, distance, contact, activ
     frames, frame = np.empty((q_r.shape[2] + 1, 4)), np.empty((1, 4))
     vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
     object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
-    here = np.empty(3)
+    here, pairs = np.empty(3), make_pairs(scene)
     for r in range(lo, hi):
         i = rows[r]
         for t in range(q_r.shape[1]):
@@ -123,7 +125,7 @@ def measure_motion_rows(lo, hi, rows, scene, q_r, pose, distance, contact, activ
             place_shapes(scene.robot, frames, vertices, centres)
             _distance_at(
                 scene, vertices, pose[i, t, 0], pose[i, t, 1], pose[i, t, 2], frame, object_vertices, object_centres,
-                here, distance[i, t],
+                here, pairs, distance[i, t],
             )  # fmt: skip
             active[i, t] = 0
             for k in range(scene.links):

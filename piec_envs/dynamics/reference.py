@@ -7,7 +7,6 @@ import numpy as np
 from piec_envs.dynamics.base import TOUCH_DISTANCE
 from piec_envs.dynamics.contact_qp import ContactProblem, solve_osqp
 from piec_envs.dynamics.contact_step import advance_command, assemble, make_workspace, place
-from piec_envs.geometry.distance import link_distances
 
 
 def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
@@ -16,8 +15,7 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
     work = make_workspace(scene)
     n = q_r.shape[2]
     for i in rows[lo:hi]:
-        place(scene, q_r[i, 0], pose[i, 0], work)
-        link_distances(scene, work.robot_vertices, work.object_vertices, distance[i, 0])
+        place(scene, q_r[i, 0], pose[i, 0], work, distance[i, 0])
         contact[i, 0] = distance[i, 0] <= TOUCH_DISTANCE
         active[i, 0] = 0
         for t in range(values.shape[1]):
@@ -26,7 +24,7 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
             if model.state_noise:
                 here[:2] += w
                 w = np.zeros(2)
-            place(scene, q_r[i, t], here, work)
+            place(scene, q_r[i, t], here, work, distance[i, t + 1])  # overwritten at the end of the step
             advance_command(
                 scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1]
             )
@@ -36,8 +34,7 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
             q_r[i, t + 1] = q_r[i, t] + solution.step[:n]
             pose[i, t + 1] = here + solution.step[n:]
             active[i, t + 1] = pushed.sum()
-            place(scene, q_r[i, t + 1], pose[i, t + 1], work)
-            link_distances(scene, work.robot_vertices, work.object_vertices, distance[i, t + 1])
+            place(scene, q_r[i, t + 1], pose[i, t + 1], work, distance[i, t + 1])
             contact[i, t + 1] = distance[i, t + 1] <= TOUCH_DISTANCE
             contact[i, t + 1, work.contacts.link[np.flatnonzero(pushed) // 2]] = True
 
@@ -59,7 +56,7 @@ def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=
     """
     if work is None:
         work = make_workspace(scene)
-        place(scene, q, pose, work)
+        place(scene, q, pose, work, np.empty(scene.links))
     m = assemble(scene, model, friction, q, q_cmd, pose, displacement[0], displacement[1], work)
     gap = np.maximum(np.repeat(work.contacts.gap[: m // 2], 2), -model.push_out)
     return ContactProblem(work.weight.copy(), work.free.copy(), work.rows[:m].copy(), gap, model.compliance)

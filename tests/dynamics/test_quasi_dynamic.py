@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from piec_envs.dynamics.active_set import make_dual, solve_dual
 from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Plant
-from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, dual_matrix, solve_dual, solve_osqp
+from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, solve_osqp
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.dynamics.reference import assemble_problem
@@ -22,15 +23,13 @@ RIGID = [name for name, item in OBJECTS.items() if not item.loose]  # every dyna
 ROBOT = get_robot("planar_arm")
 
 
-def solve_fast(problem: ContactProblem) -> ContactSolution:
+def solve_fast(problem: ContactProblem, guess: bool = True) -> ContactSolution:
     """The compiled active-set solver on a problem object."""
     m = len(problem.gap)
-    G, multipliers = np.empty((m, m)), np.zeros(m)
+    dual = make_dual(problem.weight, m)
     value = problem.rows @ problem.free + problem.gap
-    if m:
-        dual_matrix(problem.rows, m, problem.weight, problem.compliance, G)
-        scratch = np.empty(m, dtype=np.int64), np.empty((m, m)), np.empty(m)
-        solve_dual(G, value, m, multipliers, *scratch)
+    solve_dual(problem.rows, m, problem.compliance, value, guess, dual)
+    multipliers = dual.multipliers
     return ContactSolution(problem.free + problem.rows.T @ multipliers / problem.weight, multipliers)
 
 
@@ -49,6 +48,7 @@ def test_fast_equals_osqp(object_name, random_motion):
         state = motion.q_r[i, t], motion.q_cmd[i, t + 1], motion.pose[i, t]
         problem = assemble_problem(scene, model, 0.5, *state, np.zeros(2))
         fast, reference = solve_fast(problem), solve_osqp(problem)
+        np.testing.assert_allclose(solve_fast(problem, guess=False).step, fast.step, atol=1e-12)
         np.testing.assert_allclose(fast.step, reference.step, atol=1e-9)
         assert problem.residual(fast) < 1e-12
         taken = np.concatenate([motion.q_r[i, t + 1] - motion.q_r[i, t], motion.pose[i, t + 1] - motion.pose[i, t]])
@@ -66,7 +66,8 @@ def test_fast_satisfies_kkt_on_any_problem(data):
     weight = np.array([500.0] * 4 + [100.0, 100.0, 42.0])
     rows[np.abs(rows).sum(axis=1) < 0.1] = 0.5  # a contact row is never zero
     problem = ContactProblem(weight, free, rows, gap, 1e-4)
-    assert problem.residual(solve_fast(problem)) < 1e-9
+    for guess in (True, False):
+        assert problem.residual(solve_fast(problem, guess)) < 1e-9
 
 
 def test_rollout_with_osqp_equals_fast(random_motion):

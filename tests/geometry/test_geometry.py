@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piec_envs.dynamics.contacts import contact_rows, find_contacts, make_contacts
-from piec_envs.geometry.distance import core_distance, least_distance, point_distance, scene_distances
+from piec_envs.geometry.distance import (
+    core_distance,
+    least_distance,
+    link_distances,
+    make_pairs,
+    point_distance,
+    scene_distances,
+)
 from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity, pose_frame
 from piec_envs.world.objects import OBJECTS
 from piec_envs.world.scene import pack_scene
@@ -28,6 +35,14 @@ def placed(scene, q, pose):
     pose_frame(pose, object_frame)
     place_shapes(scene.object, object_frame, *item)
     return frames, robot, item
+
+
+def contacts_within(scene, robot_vertices, object_vertices, margin):
+    """Contacts of placed shapes nearer than a margin."""
+    contacts, pairs = make_contacts(), make_pairs(scene)
+    link_distances(scene, robot_vertices, object_vertices, pairs, np.empty(scene.links))
+    find_contacts(scene, robot_vertices, object_vertices, pairs, margin, contacts)
+    return contacts
 
 
 def link_ends(q):
@@ -125,9 +140,9 @@ def test_point_velocity_against_finite_differences(q, j, x, y):
 @given(q=configurations, pose=poses, name=st.sampled_from(list(OBJECTS)))
 def test_contact_rows_are_the_slopes_of_the_gap(q, pose, name):
     """With friction 0 each row is the derivative of the nearest contact's gap."""
-    scene, contacts = pack_scene("planar_arm", name), make_contacts()
+    scene = pack_scene("planar_arm", name)
     frames, robot, item = placed(scene, q, pose)
-    find_contacts(scene, *robot, *item, 0.5, contacts)
+    contacts = contacts_within(scene, robot[0], item[0], 0.5)
     distances = np.empty(4)
     scene_distances(scene, q, pose, distances)
     number = contacts.number[0]
@@ -153,9 +168,9 @@ def test_contact_rows_are_the_slopes_of_the_gap(q, pose, name):
 
 
 def test_face_on_face_gives_two_contacts():
-    scene, contacts = pack_scene("planar_arm", "square"), make_contacts()
+    scene = pack_scene("planar_arm", "square")
     _, robot, item = placed(scene, np.zeros(4), np.array([0.6, 0.126, 0.0]))
-    find_contacts(scene, *robot, *item, 0.01, contacts)
+    contacts = contacts_within(scene, robot[0], item[0], 0.01)
     near = contacts.gap[: contacts.number[0]]
     assert contacts.number[0] == 2
     np.testing.assert_allclose(near, 0.001, atol=1e-12)
