@@ -20,17 +20,19 @@ class Protocol:
         description: one line for people.
         params: plant parameters in which the plant departs from the env's own.
         start_noise: bounds of the object's start around the task's (m, rad); None keeps the env's own.
+        randomize: plant parameters that are drawn in each episode; see `EnvConfig`.
     """
 
     name: str
     description: str
     params: Mapping[str, Any] = field(default_factory=dict)
     start_noise: tuple[float, float] | None = None
+    randomize: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def unperturbed(self) -> str:
         """Name of the protocol that it is compared with: the same starts, or the task's, and the env's own plant."""
-        return "nominal-start" if self.start_noise and self.params else "nominal"
+        return "nominal-start" if self.start_noise == START_NOISE and self.params else "nominal"
 
     @property
     def with_start(self) -> Protocol:
@@ -49,7 +51,8 @@ class Protocol:
             A new dict.
         """
         noise = {} if self.start_noise is None else {"start_noise": list(self.start_noise)}
-        return {**(base or {}), **self.params, **noise}
+        drawn = {"randomize": dict(self.randomize)} if self.randomize else {}
+        return {**(base or {}), **self.params, **noise, **drawn}
 
 
 def is_random(env_kwargs: Mapping[str, Any]) -> bool:

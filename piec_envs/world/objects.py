@@ -96,8 +96,9 @@ def _grid(x: tuple[float, ...], y: tuple[float, ...]) -> np.ndarray:
 _ROLLS = _grid((-0.1, 0.0, 0.1), (-0.05, 0.05))  # (6, 2) of a paper pack
 _ROLL_RADIUS = 0.05  # m
 _PACK_HEIGHT = 0.22  # m
-# Where the loose roll beside the box stands: 1 mm from the middle of each edge, long edges first.
-_PLACEMENTS = ((0.0, 0.161), (0.0, -0.161), (0.206, 0.0), (-0.206, 0.0))  # m
+# Where the loose roll beside the box stands, 1 mm from it: near the first contacts of a Franka that begins to pull
+# the box towards its base (inside of the elbow, fingertips), and twice ahead of the box on its way.
+_PLACEMENTS = ((0.05, 0.161), (-0.08, -0.161), (-0.206, 0.06), (-0.206, -0.06))  # m
 
 
 def _a4_box(name: str, *placements: tuple[float, float]) -> Object:
