@@ -70,7 +70,8 @@ def _frictions() -> list[Protocol]:
 
 def _shapes() -> list[Protocol]:
     around = {"octagon": "octagon around the circle", "hexagon": "hexagon around the circle",
-              "square": "square around the circle", "box_212": "square box around circle_119"}  # fmt: skip
+              "square": "square around the circle", "box_212": "square box around circle_119",
+              "paper_pack_wrapped": "rounded box around paper_pack", "a4_box": "sharp box around paper_pack"}  # fmt: skip
     return [Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name}) for name, shape in around.items()]
 
 
@@ -99,6 +100,27 @@ _COMBINED = {
     "disturbance_kind": "gaussian",
 }
 
+# What differs at once between the planner's model and a pack of paper rolls on a real table.
+_REAL = {"friction": [0.3, 0.7], "mass": [0.7, 1.3], "delay": [0.0, 0.05]}
+_PLACED = (0.006, 0.03)  # m, rad; how well the object stands where it should
+
+
+def _sim_to_real() -> list[Protocol]:
+    rolls = {"object": [f"a4_box_roll_{k}" for k in range(1, 5)]}
+    kinds = {
+        "sm1": ("the wrapped pack", {"object": "paper_pack_wrapped"}, {}),
+        "sm2": ("a sharp box around it", {"object": "a4_box"}, {}),
+        "sm3": ("that box and a loose roll at one of four places", {}, rolls),
+    }
+    says = "under MuJoCo with friction, mass, delay and start drawn"
+    return [
+        Protocol(
+            f"sim-to-real-{name}", f"{what}, {says}", {"dynamics": "mujoco", **params}, _PLACED, {**_REAL, **drawn}
+        )
+        for name, (what, params, drawn) in kinds.items()
+    ]
+
+
 _ROWS = (
     Protocol("nominal", "the env as it is; without randomness every episode is the same one"),
     *_frictions(),
@@ -109,7 +131,9 @@ _ROWS = (
     Protocol("combined", "MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once", _COMBINED),
 )
 
-PROTOCOLS = {protocol.name: protocol for row in _ROWS for protocol in (row, row.with_start)}
+PROTOCOLS = {protocol.name: protocol for row in _ROWS for protocol in (row, row.with_start)} | {
+    protocol.name: protocol for protocol in _sim_to_real()
+}
 
 
 def get_protocol(name: str) -> Protocol:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evaluation.figures import keyframes, mismatch_paths, over_time, trajectories
+from evaluation.figures import keyframes, mismatch_paths, over_time, space_keyframes, trajectories
+from evaluation.figures.base import mode_of
 from evaluation.studies.common import (
+    DRAWN_STARTS,
     PAPER_PLANNER,
     PAPER_PLANT,
+    PLANNER_SEEDS,
     Case,
     StudyRun,
     column,
@@ -22,9 +26,9 @@ from evaluation.studies.common import (
     spread,
     success_columns,
 )
-from evaluation.studies.mismatch import Results, executed
+from evaluation.studies.mismatch import Results, evaluate_all, executed
 from evaluation.studies.pictures import first_trajectories, over_plans
-from evaluation.tables import Rates
+from evaluation.tables import Rates, write_table
 from piec_envs.escape.field import CAGING_SCALE, make_field, object_escape_time
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
@@ -42,14 +46,96 @@ CONTROLS: Mapping[str, tuple[Mapping[str, Any], str]] = {
     "WACaging, open start": (OPEN, "caging"),
 }
 CARRY = "rigid-carry"
-STARTS_NOTE = """\
+NOISE_NOTES = """\
+n counts distinct executions: plans x rollouts, under `disturbance-5mm` (Gaussian, sigma = 5 mm for each axis in each
+step of 0.1 s). First plan: rate of the first planner seed with Wilson's 95 % interval; each plan: rates of all seeds,
+their mean with a bootstrap over plans, and the least. d2g: distance to the goal region at the end, mean ± standard
+deviation over executions; goal distance: to its centre. Through itself: plans along which parts of the arm cross."""
+MISMATCH_NOTES = """\
+d2g, m: distance to the goal region at the end, mean over executions; success: rate of each plan. From the task's
+start a plan is one execution; drawn starts lie within 0.01 m and 0.05 rad of it. n counts distinct executions in each
+column: plans x executions. The plans are made for friction 0.5, the study's object and the quasi-dynamic model."""
+USAGE_NOTES = """\
+n counts distinct executions, one of each plan, without noise. Mean over time, mean ± standard deviation over plans.
+Caging, 0.02 T_hat, is that of the parts that can touch the object; whole-arm caging is what all parts together would
+give. Arm distance: mean over the links that can touch."""
+METHOD_NOTES = """\
 Point and Link touch the object with a sphere at the fingertips and with the last link and the gripper, the others
 with the whole arm. Each starts from its own solution of the static problem (study `franka-starts`): the best cage
 that its contact geometry makes; WAContact, whose prior any touching posture satisfies, from `open`, elbow and wrist
-at right angles, which touches and does not close. Controls change one thing: the start posture; the weights ("paper":
-the paper's preset and budget, from a caged start)"""
-CARRY_NOTE = """, or the planner: `rigid-carry` carries the caged start posture to the goal in
-a straight line and optimises nothing; its plans are one and the same."""
+at right angles, which touches and does not close. Controls change one thing: the start posture; or weights and budget
+("paper": the paper's, from a caged start); or the planner: `rigid-carry` carries the caged start posture to the goal
+in a straight line and optimises nothing, so that its plans are one and the same."""
+
+
+@dataclass(frozen=True)
+class MethodSettings:
+    """Knobs of a comparison of methods.
+
+    Args:
+        methods: keys of METHODS.
+        controls: keys of CONTROLS, "rigid-carry", or methods followed by ", paper".
+        planner_seeds: one plan of each case for each.
+        noise: protocol of the table of displacements.
+        mismatches: protocols of the table of other plants, and what figures call them.
+        episodes: rollouts of each plan under noise.
+        starts: executions of each plan from drawn starts.
+        planner: arguments of `CmaEsPlanner` beside the objective, alike for all methods.
+        env_kwargs: keyword arguments of the environment beside a method's own.
+    """
+
+    methods: tuple[str, ...] = tuple(METHODS)
+    controls: tuple[str, ...] = ()
+    planner_seeds: tuple[int, ...] = PLANNER_SEEDS
+    noise: str = "disturbance-5mm"
+    mismatches: Mapping[str, str] = field(default_factory=dict)
+    episodes: int = 100
+    starts: int = DRAWN_STARTS
+    planner: Mapping[str, Any] = field(default_factory=dict)
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Printed:
+    """The paper's values, by method.
+
+    Args:
+        noise: d2g (m) and success under displacements, as printed.
+        mismatch: d2g without noise and under each mismatch, m.
+    """
+
+    noise: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    mismatch: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def compare_methods(settings: MethodSettings, env_id: str, study: StudyRun, printed: Printed) -> list[Path]:
+    """Plan and evaluate all cases and write three tables and the figures.
+
+    Args:
+        settings: the knobs.
+        env_id: id of the environment.
+        study: the run.
+        printed: the paper's values, shown beside ours.
+
+    Returns:
+        The files written.
+    """
+    budget = Budget(env_id, settings.planner, settings.env_kwargs)
+    main, others = all_cases(budget, settings.methods, settings.controls)
+    cases, columns = [*main, *others], ("nominal", *settings.mismatches)
+    plans = study.plan(cases)
+    noisy, results = study.evaluate(cases, settings.noise), evaluate_all(study, cases, columns)
+    disturbed, mismatch = disturbed_rows(cases, plans, noisy, printed.noise), mismatch_rows(cases, results, columns)
+    usage, folder = usage_rows(study, cases, results["nominal"]), study.out_dir
+    for row in printed_rows(printed, columns):
+        last = max(k for k, other in enumerate(mismatch) if other["method"] == row["method"])
+        mismatch.insert(last + 1, row)
+    return [
+        *write_table(folder, disturbed, "Pushing under displacements", f"{NOISE_NOTES}\n\n{METHOD_NOTES}"),
+        *write_table(folder, mismatch, "Pushing on other plants", f"{MISMATCH_NOTES}\n\n{METHOD_NOTES}", "mismatch"),
+        *write_table(folder, usage, "How the arm is used", USAGE_NOTES, "usage"),
+        *draw_methods(study, main, settings.noise, settings.mismatches),
+    ]
 
 
 @dataclass(frozen=True)
@@ -122,16 +208,13 @@ def disturbed_rows(
     return rows
 
 
-def mismatch_d2g_rows(
-    cases: Sequence[Case], results: Results, protocols: Sequence[str], paper: Mapping[str, Sequence[float]]
-) -> list[dict[str, Any]]:
-    """Rows of d2g under each protocol: from the task's start, from drawn starts, and the paper's.
+def mismatch_rows(cases: Sequence[Case], results: Results, protocols: Sequence[str]) -> list[dict[str, Any]]:
+    """Rows of d2g and success under each protocol, from the task's start and from drawn starts.
 
     Args:
         cases: what is compared.
         results: by protocol, twins with drawn starts included.
         protocols: the columns.
-        paper: the paper's values, by label.
     """
     rows = []
     for i, case in enumerate(cases):
@@ -144,12 +227,16 @@ def mismatch_d2g_rows(
             for name, plans in by_protocol.items():
                 row[f"{name}: success"] = Rates(result["success_rate"] for result in plans)
             rows.append(row)
-        if case.label in paper:
-            printed: dict[str, Any] = {
-                f"{name}: d2g, m": value for name, value in zip(protocols, paper[case.label], strict=True)
-            }
-            rows.append({"method": case.title, "from": "paper", "n": "-", **printed})
     return rows
+
+
+def printed_rows(printed: Printed, protocols: Sequence[str]) -> list[dict[str, Any]]:
+    """The paper's d2g as rows of the same table."""
+    return [
+        {"method": mode_of(label).label, "from": "paper", "n": "-"}
+        | {f"{name}: d2g, m": values[name] for name in protocols if name in values}
+        for label, values in printed.mismatch.items()
+    ]
 
 
 def usage_rows(study: StudyRun, cases: Sequence[Case], results: Sequence[Any]) -> list[dict[str, Any]]:
@@ -183,7 +270,7 @@ def whole_arm_caging(study: StudyRun, case: Case, seed: int) -> float:
     return CAGING_SCALE * float(times[1:].mean())
 
 
-def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches: Mapping[str, str]) -> list[Any]:
+def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches: Mapping[str, str]) -> list[Path]:
     """Key frames, disturbed and mismatched paths of the first plans, and caging over time of all plans.
 
     Args:
@@ -197,6 +284,7 @@ def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches:
     runs = [[executed(study, case, name, label) for name, label in mismatches.items()] for case in cases]
     return study.draw(
         partial(keyframes, nominal, folder / "keyframes.png"),
+        partial(space_keyframes, nominal, folder / "space_keyframes.png"),
         partial(trajectories, first_trajectories(study, cases, noise), folder / "object_paths.png"),
         partial(mismatch_paths, nominal, runs, folder / "mismatch_paths.png"),
         partial(over_time, caging, "caging", folder / "caging.png"),

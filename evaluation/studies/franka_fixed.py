@@ -1,0 +1,64 @@
+"""Pushing a pack of paper rolls with a Franka on a fixed base (the task of the paper's section 7.3).
+
+There is no base to carry a cage, so that all depends on planning. Methods, controls and tables are those of
+`franka-push`; the plants are those that a pack can be mistaken for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from evaluation.studies.common import SMOKE_PLANNER, StudyRun
+from evaluation.studies.contact_methods import CONTROLS, MethodSettings, Printed, compare_methods
+
+ENV = "piec_envs/FrankaPush-v0"
+MISMATCHES = {
+    "friction-0.80": "friction 0.8",
+    "friction-0.20": "friction 0.2",
+    "shape-paper_pack_wrapped": "wrapped",
+    "shape-a4_box": "box",
+    "dynamics-mujoco": "MuJoCo",
+}
+PLANNER: Mapping[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class Settings(MethodSettings):
+    """All knobs of the study; see `MethodSettings`."""
+
+    controls: tuple[str, ...] = (*CONTROLS, "WACaging, paper")
+    mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)
+    planner: Mapping[str, Any] = field(default_factory=lambda: PLANNER)
+
+    @classmethod
+    def smoke(cls) -> Settings:
+        """Tiny budgets, to see that everything runs."""
+        return cls(
+            methods=("Link", "WACaging"),
+            planner_seeds=(0,),
+            controls=(),
+            mismatches={"shape-a4_box": "box"},
+            episodes=2,
+            starts=2,
+            planner=SMOKE_PLANNER,
+            env_kwargs={"geometry": "capsules"},
+        )
+
+
+def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
+    """Run the study, or go on where it was stopped.
+
+    Args:
+        settings: the knobs.
+        out_dir: results/franka-fixed; plans are cached in the folder above.
+        jobs: workers, or an executor.
+        progress: whether to show progress.
+
+    Returns:
+        The files written.
+    """
+    study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts)
+    return compare_methods(settings, ENV, study, Printed())
