@@ -95,7 +95,7 @@ def end_box(pairs: Sequence[tuple[Trajectory, Sequence[Executed]]], margin: floa
         points += [outline.T for outline in outlines]
         points += [plan.goal[None] + shift for shift in (-GOAL_RADIUS, GOAL_RADIUS)]
     cloud = np.concatenate(points)  # (m, 2)
-    box = np.stack([cloud.min(axis=0) - margin, cloud.max(axis=0) + margin], axis=1)
+    box = np.stack([np.nanmin(cloud, axis=0) - margin, np.nanmax(cloud, axis=0) + margin], axis=1)  # NaN parts shapes
     missing = max(0.0, float(np.ptp(box[1]) - np.ptp(box[0])))
     box[0] += 0.5 * missing * np.array([-1, 1])
     return box

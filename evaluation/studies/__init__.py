@@ -103,6 +103,21 @@ STUDIES = {
             "evaluation.studies.franka_push",
             "a mobile Franka with four contact geometries under noise and mismatch (paper, section 7.2.1)",
         ),
+        Study(
+            "franka-tracking",
+            "evaluation.studies.franka_tracking",
+            "a mobile Franka that follows arcs: tracking against caging (paper, section 7.2.2)",
+        ),
+        Study(
+            "franka-fixed",
+            "evaluation.studies.franka_fixed",
+            "a Franka on a fixed base, where all depends on planning (the task of the paper's section 7.3)",
+        ),
+        Study(
+            "sim-to-real",
+            "evaluation.studies.sim_to_real",
+            "plans of a simple model on a detailed plant in MuJoCo (paper, section 7.3)",
+        ),
     )
 }
 

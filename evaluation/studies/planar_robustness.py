@@ -19,13 +19,8 @@ from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER
 from evaluation.studies.mismatch import Results, estimate, evaluate_all, mismatch_rows, notes, success_rate
 from evaluation.tables import write_table
 
-ELSEWHERE = (
-    "friction-0.20",
-    "friction-0.80",
-    "shape-box_212",
-    "shape-paper_pack_wrapped",
-    "shape-a4_box",
-)  # they belong to plans for another object
+# They belong to plans for another object.
+ELSEWHERE = ("friction-0.20", "friction-0.80", "shape-box_212", "shape-paper_pack_wrapped", "shape-a4_box")
 NOTES = "`combined` is MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once."
 
 
