@@ -22,6 +22,7 @@ from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import ROBOTS, get_robot
 
 FORMAT = "piec-plan-1"
+ROBOT_KWARGS = ("contact", "geometry", "start", "reference")
 SAME_START = 1e-6  # rad or m
 _META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
 
@@ -59,6 +60,11 @@ class Plan:
     cost: float
     nominal: dict[str, float]
     versions: dict[str, str] = field(default_factory=current_versions)
+
+    @property
+    def robot_kwargs(self) -> dict[str, Any]:
+        """Those of its keyword arguments that an environment must share: which robot, where it starts, which task."""
+        return {name: self.env_kwargs[name] for name in ROBOT_KWARGS if name in self.env_kwargs}
 
     def save(self, path: str | os.PathLike) -> Path:
         """Write the plan as an npz file without pickle, under a temporary name first."""

@@ -60,7 +60,7 @@ def _evaluate(file: Any, path: Path, plan: Any, protocol: str, args: argparse.Na
     from evaluation.records import make_record, work_key
     from planners import OpenLoopPolicy
 
-    env_id, plant = args.env or plan.env_id, settings(args.set)
+    env_id, plant = args.env or plan.env_id, {**plan.robot_kwargs, **settings(args.set)}
     spec = {
         "work": "evaluate-file",
         "plan_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),

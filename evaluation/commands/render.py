@@ -12,8 +12,6 @@ from evaluation.commands import Report, settings
 from evaluation.studies import PUSH
 from piec_envs.errors import InvalidParameterError
 
-OF_THE_PLAN = ("contact", "geometry", "start", "reference")  # keyword arguments without which it is another plan
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
@@ -72,8 +70,7 @@ def _draw_plan(args: argparse.Namespace) -> Report:
     if args.frames < 1 or args.fps <= 0:
         raise InvalidParameterError(f"--frames and --fps must be above 0, got {args.frames} and {args.fps}")
     plan = Plan.load(args.plan)
-    own = {name: plan.env_kwargs[name] for name in OF_THE_PLAN if name in plan.env_kwargs}
-    kwargs = get_protocol(args.protocol).env_kwargs({**own, **settings(args.set)})
+    kwargs = get_protocol(args.protocol).env_kwargs({**plan.robot_kwargs, **settings(args.set)})
     out = args.out or args.plan.with_suffix(".gif")
     end: dict[str, Any] = {}
     animation(_frames(plan, kwargs, args, end), out, args.fps)
