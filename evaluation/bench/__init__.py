@@ -15,7 +15,7 @@ from evaluation.bench.dynamics import mujoco_steps
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
 from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
-from evaluation.bench.planning import full_plans, static_caging
+from evaluation.bench.planning import franka_plan, full_plans, static_caging
 from piec_envs.parallel import available_threads
 from piec_envs.versions import versions
 
@@ -43,6 +43,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "tabulated field": table_queries,
         "static caging": static_caging,
         "full plans": partial(full_plans, progress=progress),
+        "Franka plan": partial(franka_plan, progress=progress),
         "rollouts": rollout_threads,
         "MuJoCo": mujoco_steps,
     }

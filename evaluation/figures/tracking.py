@@ -1,4 +1,4 @@
-"""Figures of tracking with caging: what a larger weight of caging costs, and what it gives."""
+"""Figures of tracking with caging: what a larger weight of tracking gives, and what it costs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Tracked:
 
 
 def weight_colours(weights: Sequence[float]) -> dict[float, str]:
-    """A colour for each weight of caging, from that of contact to that of caging."""
+    """A colour for each lambda, the weight of tracking over that of caging, from orange to purple."""
     from matplotlib.colors import to_hex
 
     first, last = MODES["contact"].colour, MODES["caging"].colour
@@ -43,10 +43,10 @@ def weight_colours(weights: Sequence[float]) -> dict[float, str]:
 
 
 def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit: float | None = None) -> Path:
-    """Tracking error over mean caging for each weight of caging: small dots are plans, large ones their means.
+    """Tracking error over mean caging for each lambda: small dots are plans, large ones their means.
 
     Args:
-        points: weight lambda -> mean caging and mean tracking error (m) of each plan, shape (M, 2).
+        points: lambda -> mean caging and mean tracking error (m) of each plan, shape (M, 2).
         path: where to write the PNG.
         limit: largest error of a success, m, drawn as a line; None draws none.
 
@@ -85,12 +85,12 @@ def _note_weight(ax: Axes, weight: float, point: Any, colour: Any) -> None:
 
 
 def reference_paths(runs: Mapping[float, Sequence[Tracked]], path: str | os.PathLike) -> Path:
-    """Left the references and the ways of the object, right caging over time, both by weight of caging.
+    """Left the references and the ways of the object, right caging over time, both by lambda.
 
-    Several executions of one weight are a line each at the left, and a mean with the range at the right.
+    Several executions of one lambda are a line each at the left, and a mean with the range at the right.
 
     Args:
-        runs: weight lambda -> executions, all of the same length.
+        runs: lambda -> executions, all of the same length.
         path: where to write the PNG.
 
     Returns:
