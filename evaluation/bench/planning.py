@@ -39,7 +39,7 @@ def full_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
 
 def franka_plan(sizes: Sizes, progress: bool = False) -> list[Row]:
     """A full caging plan on the mobile Franka, with the budget of the study `franka-push`."""
-    planner = CmaEsPlanner(**{**FRANKA_PLANNER, **sizes.planner})
+    planner = CmaEsPlanner(**{**FRANKA_PLANNER, **dict(sizes.planner)})
     label, wanted = "plan, mobile Franka, caging", "at most 60"
     try:
         choose_field("table", get_task("mobile_franka_push").robot)  # solved, or read from the cache, before the clock
