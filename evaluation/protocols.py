@@ -71,7 +71,8 @@ def _frictions() -> list[Protocol]:
 def _shapes() -> list[Protocol]:
     around = {"octagon": "octagon around the circle", "hexagon": "hexagon around the circle",
               "square": "square around the circle", "box_212": "square box around circle_119",
-              "paper_pack_wrapped": "rounded box around paper_pack", "a4_box": "sharp box around paper_pack"}  # fmt: skip
+              "paper_pack_wrapped": "rounded box around paper_pack",
+              "a4_box": "sharp box around paper_pack"}  # fmt: skip
     return [Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name}) for name, shape in around.items()]
 
 
