@@ -116,9 +116,10 @@ class MobileFrankaPushEnv(MotionEnv):
     (5 each); object x, y from the base (m), cos and sin of its angle; goal minus object (m); step over 1000.
 
     **Start.** The object, `circle_119` (radius 0.119 m), at (0.35, 0.1) m; the arm in `start`: "cage", the
-    posture that holds the object longest with the parts that can touch it; "touch", a bent arm that touches
-    it from behind, facing the goal; "home", straight at the origin, which may overlap the object; or five
-    joint positions. Study `franka-starts` states and solves the static problems.
+    posture that holds the object longest with the parts that can touch it; for the whole arm also "open",
+    elbow and wrist at right angles, so that it touches the object and does not close around it; "home",
+    straight at the origin, which may overlap the object; or five joint positions. Study `franka-starts`
+    states and solves the static problems.
 
     **End.** Success: d2g = 0 at the last step: the object's centre is within 0.05 m of the goal (0.2, -0.4).
 

@@ -71,7 +71,7 @@ class Settings:
 
     ratios: tuple[float, ...] = (1.0, 5.0, 10.0, 50.0, 100.0)
     sides: tuple[str, ...] = ("right", "left")
-    planner_seeds: tuple[int, ...] = PLANNER_SEEDS
+    planner_seeds: tuple[int, ...] = PLANNER_SEEDS[:3]
     noise: str = "disturbance-5mm"
     mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)
     episodes: int = 100

@@ -19,6 +19,7 @@ from evaluation.figures.mismatch import end_box
 from evaluation.figures.scenes import keyframe_steps, strip_steps
 from evaluation.metrics import Interval
 from evaluation.studies.annulus import Annulus
+from evaluation.studies.contact_methods import METHODS
 from evaluation.tables import Estimate
 from piec_envs.errors import InvalidParameterError, MissingDependencyError, RenderingError
 from piec_envs.escape.grid import GridField
@@ -208,10 +209,15 @@ def test_error_leaves_out_what_is_enclosed():
     assert enclosed.any() and not np.isfinite(error.percent[enclosed]).any() and not error.counted[enclosed].any()
 
 
-def test_modes_differ_in_colour_strangers_too():
-    names = [*MODES, "point", "whole_arm"]
+PLANAR_MODES = [name for name in MODES if name not in METHODS]
+
+
+@pytest.mark.parametrize("together", [PLANAR_MODES, list(METHODS)], ids=["planar", "methods"])
+def test_modes_of_one_figure_differ_in_colour_strangers_too(together):
+    assert len(PLANAR_MODES) == 4 and set(METHODS) < set(MODES)
+    names = [*together, "rigid-carry", "whole_arm"]
     assert len({mode_of(name, names).colour for name in names}) == len(names)
-    assert mode_of("point", names).label == "point"
+    assert mode_of("rigid-carry", names).label == "rigid-carry"
 
 
 def test_animation_of_rollouts(tmp_path):

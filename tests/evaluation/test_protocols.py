@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 import piec_envs  # noqa: F401  registers the environments
@@ -9,7 +10,8 @@ from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.state import PlantParams
 from piec_envs.errors import UnknownNameError
 
-PLAIN = [name for name in PROTOCOLS if not name.endswith("-start")]
+REAL = [name for name in PROTOCOLS if name.startswith("sim-to-real-")]  # these have starts of their own, and no twin
+PLAIN = [name for name in PROTOCOLS if not name.endswith("-start") and name not in REAL]
 LEVELS = [f"disturbance-{mm}mm{kind}" for kind in ("", "-direction") for mm in (1, 3, 5)]
 
 
@@ -19,7 +21,7 @@ def test_rows_are_valid(name):
     assert protocol.name == name and protocol.description
     PlantParams().replace(protocol.params)
     EnvConfig("planar_arm_push", **protocol.env_kwargs({"object": "square"}))
-    drawn = name.endswith("-start") or name in LEVELS or name == "combined"
+    drawn = name.endswith("-start") or name in [*LEVELS, *REAL, "combined"]
     assert is_random(protocol.env_kwargs()) == drawn
 
 
@@ -32,9 +34,34 @@ def test_rows_make_an_env(name):
     env.close()
 
 
+@pytest.mark.parametrize("name", REAL)
+def test_what_a_protocol_draws_reaches_the_env(name):
+    protocol = get_protocol(name)
+    assert {"friction", "mass", "delay"} <= set(protocol.randomize) and not set(protocol.randomize) & set(
+        protocol.params
+    )
+    assert is_random(protocol.env_kwargs()) and not is_random(protocol.params)
+    away = {"geometry": "capsules", "escape_field": None, "start": [-2.0, -0.47, 2.95]}  # no start has to give way
+    env = gym.make("piec_envs/FrankaPush-v0", **away, **protocol.env_kwargs())
+    drawn = [env.reset(seed=seed)[1]["params"] for seed in range(12)]
+    env.close()
+    for key, choices in protocol.randomize.items():
+        values = [params[key] for params in drawn]
+        if key == "object":
+            assert len(set(values)) > 1 and set(values) <= set(choices)
+        else:
+            assert len(set(values)) == 12 and choices[0] <= min(values) <= max(values) <= choices[1]
+    assert all(params["dynamics"] == "mujoco" for params in drawn)
+    task = env.unwrapped.batch.task
+    starts = np.array([params["start"] for params in drawn]) - task.start
+    assert 0 < np.hypot(*starts[:, :2].T).max() <= np.hypot(*[protocol.start_noise[0]] * 2)
+    assert 0 < np.abs(starts[:, 2]).max() <= protocol.start_noise[1]
+
+
 def test_the_issues_protocols_are_there():
     frictions = [f"friction-{mu}" for mu in ("0.00", "0.20", "0.25", "0.50", "0.75", "0.80", "1.00")]
-    shapes = [f"shape-{name}" for name in ("octagon", "hexagon", "square", "box_212")]
+    shapes = [f"shape-{name}" for name in ("octagon", "hexagon", "square", "box_212", "paper_pack_wrapped", "a4_box")]
+    assert REAL == ["sim-to-real-sm1", "sim-to-real-sm2", "sim-to-real-sm3"]
     assert set(PLAIN) == {"nominal", *frictions, *shapes, "dynamics-mujoco", *LEVELS, "adversary", "combined"}
     assert get_protocol("disturbance-3mm-direction").params == {
         "disturbance": 0.003,

@@ -9,6 +9,7 @@ from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.field import make_field
 from planners import CagingProblem, ExhaustiveConfiguration
 from planners.configuration import draw_postures
+from planners.exhaustive import inner_postures, outer_postures
 
 POSE = np.array([0.05, 0.22, 0.4])
 SEARCH = ExhaustiveConfiguration(spacing=0.3, headings=40, polished=3, population=10, iterations=10)
@@ -21,8 +22,8 @@ def problem() -> CagingProblem:
 
 
 def test_the_grid_of_values_is_what_the_problem_measures(problem):
-    heads, inner = SEARCH._grids(problem)
-    values = SEARCH._values(problem, heads, inner[::7])
+    heads, inner = outer_postures(problem, SEARCH.headings, SEARCH.offset), inner_postures(problem, SEARCH.spacing)
+    values = SEARCH._values(problem, heads, inner[::7], -np.inf)
     q = np.array([[np.append(head, posture) for head in heads] for posture in inner[::7]])  # (B, H, 3)
     judged = problem.measure(q.reshape(-1, 3))
     allowed = (judged.phi >= 0).all(axis=1).reshape(values.shape)
@@ -40,7 +41,7 @@ def test_it_keeps_the_constraints_and_no_random_posture_is_better(problem):
     assert found.escape_time >= judged.escape_time[judged.feasible].max()
     again = SEARCH.solve(problem, seed=0)
     np.testing.assert_array_equal(found.posture, again.posture)
-    assert found.queries == len(SEARCH._grids(problem)[1]) + 3 * 10 * 10
+    assert found.queries == len(inner_postures(problem, SEARCH.spacing)) + 3 * 10 * 10
 
 
 @pytest.mark.parametrize(
