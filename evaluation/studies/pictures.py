@@ -62,12 +62,13 @@ def watched(plan: Plan, label: str, env_kwargs: Mapping[str, Any], seed: int = 0
     for _ in range(batch.task.horizon):
         observation, *_ = env.step(policy.predict(observation)[0])
         rows.append(_seen(batch))
+    item = batch.state.params[0].object  # which may have been drawn
     env.close()
     q_r, pose, contact, loose = (np.stack(entries) for entries in zip(*rows, strict=True))
     return Trajectory(
         mode=label,
         robot_name=batch.robot.name,
-        object_name=env.config.object,
+        object_name=item,
         goal=batch.task.goal,
         q_r=q_r,
         pose=pose,
