@@ -29,7 +29,7 @@ from evaluation.studies.common import (
 from evaluation.studies.mismatch import Results, evaluate_all, executed
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.tables import Rates, write_table
-from piec_envs.escape.field import CAGING_SCALE, make_field, object_escape_time
+from piec_envs.escape.field import CAGING_SCALE, choose_field, object_escape_time
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
@@ -264,7 +264,7 @@ def whole_arm_caging(study: StudyRun, case: Case, seed: int) -> float:
     executed_ = study.load_evaluation(case, seed, "nominal")
     plan = study.load_plan(case, seed)
     drawn = first_trajectories(study, [case])[0]
-    field = make_field("table", get_robot(plan.robot).whole_name)
+    field = choose_field(case.env_kwargs.get("escape_field", "table"), get_robot(plan.robot).whole_name)
     points = get_object(drawn.object_name).key_points
     times = object_escape_time(field, points, executed_.pose[0], executed_.q_r[0])
     return CAGING_SCALE * float(times[1:].mean())

@@ -109,9 +109,11 @@ def test_overlaps_of_the_roll_are_relaxed():
     """Of a roll with the arm by 6 mm, which pushes it against the box; the box itself is clear of the arm."""
     pose, dynamics = ABOVE - [[0.0, 0.01, 0.0]], MujocoDynamics()
     (settled,), (memory,) = dynamics.settle(START, pose, plant_of(BETWEEN))
-    roll = roll_of(memory)
-    assert roll[1] - 0.05 - 0.05 >= -1.1e-4 and settled[1] - 0.11 - (roll[1] + 0.05) >= -1.1e-4
-    assert 1e-3 < settled[1] - pose[0, 1] < 0.01 and np.abs(settled - pose)[0, [0, 2]].max() < 2e-3
+    roll, angle = roll_of(memory), settled[2]
+    below = np.sin(angle) * (roll[0] - settled[0]) - np.cos(angle) * (roll[1] - settled[1])  # in the box's frame
+    assert roll[1] - 0.05 - 0.05 >= -1.1e-4 and below - 0.05 - 0.11 >= -1.1e-4
+    assert 1e-3 < settled[1] - pose[0, 1] < 0.01 and abs(settled[0] - pose[0, 0]) < 2e-3
+    assert -0.05 < angle < -1e-3  # the roll stands left of the middle and turns the box clockwise
     hold = Commands(np.zeros((1, 20, 4)))
     calm = dynamics.rollout(START, START, settled[None], hold, plant_of(BETWEEN), [memory])
     assert np.abs(calm.pose[0, -1] - settled).max() < 2e-3

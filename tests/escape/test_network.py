@@ -28,7 +28,10 @@ R, U_BAR = 1.4, 0.05
 
 
 def draw(robot_name, rows, k, seed=0, clearance=0.01):
-    """Configurations, half of them curled, and points inside the disc and outside the robot."""
+    """Configurations, half of them curled, and points inside the disc and outside the robot.
+
+    They are clear of the parts that touch nothing, too: the angles that a point sees are singular on the skeleton.
+    """
     rng, robot = np.random.default_rng(seed), get_robot(robot_name)
     q = np.concatenate([draw_configurations(robot_name, kind, rows, rng) for kind in ("curled", "uniform")])
     q = q[rng.permutation(len(q))[:rows]]
@@ -39,7 +42,7 @@ def draw(robot_name, rows, k, seed=0, clearance=0.01):
                 angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 0.98 * robot.workspace_radius)
                 places[i] = row[: robot.base_dof] if robot.base_dof else 0.0
                 places[i] += radius * np.array([np.cos(angle), np.sin(angle)])
-                if robot_distance(robot_name, places[i : i + 1], row)[0] > clearance:
+                if robot_distance(robot.whole_name, places[i : i + 1], row)[0] > clearance:
                     break
     return q, points
 
@@ -81,7 +84,8 @@ def test_gradients_are_finite_differences(any_robot, inputs, random_weights):
     T, dT_dp, dT_dq = field.gradients(points, q)
     assert (field.query(points, q) == T).all() and (field.point_gradients(points, q)[1] == dT_dp).all()
     slope_p = [(field.query(points + e, q) - field.query(points - e, q)) / (2 * h) for e in h * np.eye(2)]
-    slope_q = [(field.query(points, q + e) - field.query(points, q - e)) / (2 * h) for e in h * np.eye(q.shape[1])]
+    steps = 2 * h * np.eye(q.shape[1])  # single precision: times vary less with the joints than with the point
+    slope_q = [(field.query(points, q + e) - field.query(points, q - e)) / (4 * h) for e in steps]
     for found, slope in ((dT_dp, slope_p), (dT_dq, slope_q)):
         error = relative(found, np.stack(slope, axis=-1))
         assert np.median(error) < 2e-3 and np.quantile(error, 0.95) < 0.02  # rounding, and a few kinks

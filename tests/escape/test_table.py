@@ -175,6 +175,24 @@ def test_another_table_has_another_file(fresh, change):
     assert len(solved) == len(list((folder / "tables").iterdir())) == 2
 
 
+@pytest.mark.parametrize("contact", ["", "_link"])
+def test_a_base_that_slides_shares_the_table_of_one_that_stands(fresh, contact):
+    folder, solved = fresh
+    still, sliding = (
+        TableField(**{**TINY, "robot_name": f"{base}franka{contact}_capsules"}) for base in ("", "mobile_")
+    )
+    assert len(solved) == len(list((folder / "tables").iterdir())) == 1
+    points, q = sample("curled", 20, 10, still.robot_name)
+    places = np.random.default_rng(0).uniform(-1.5, 1.5, (20, 2))
+    places[0] = 0.0
+    moved = sliding.gradients(points + places[:, None], np.column_stack([places, q]))
+    for a, b in zip(moved[:2], still.gradients(points, q)[:2], strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(moved[2][..., 2:], still.gradients(points, q)[2], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(moved[2][..., :2], -moved[1], rtol=1e-9, atol=1e-9)  # it moves instead of the point
+    assert (sliding.query(points + 0.5, np.column_stack([places, q])) != moved[0]).any()
+
+
 @pytest.mark.parametrize(
     "damage",
     [lambda b: b"", lambda b: b[:50], lambda b: b[:-4], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda b: b"x" + b[1:]],

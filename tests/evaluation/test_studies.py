@@ -18,6 +18,8 @@ from evaluation.studies.mismatch import with_starts
 from evaluation.studies.work import plan_file
 from evaluation.tables import cell
 from piec_envs.errors import UnknownNameError
+from piec_envs.registration import MOTIONS
+from planners import Plan
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = {name: study.load().Settings() for name, study in STUDIES.items()}
@@ -58,8 +60,12 @@ def test_a_study_of_plans_leaves_them_and_says_what_n_is(results, name):
 
 
 def test_studies_share_plans(results):
-    cached = {path.name for path in (results / "plans").iterdir()}
-    assert len(cached) == 3  # contact, caging and adversarial
+    plans = [Plan.load(path) for path in (results / "plans").iterdir()]
+    kinds = {env_id: sorted(plan.objective for plan in plans if plan.env_id == env_id) for env_id in MOTIONS}
+    assert kinds["piec_envs/PlanarArmPush-v0"] == ["adversarial", "caging", "contact"]
+    assert kinds["piec_envs/PlanarArmTrack-v0"] == [] and 3 <= len(plans) == sum(map(len, kinds.values()))
+    for env_id, objectives in kinds.items():  # the methods of a robot differ in objective and contact, never in copies
+        assert len(objectives) == len(set(objectives)), env_id
     for name in PLANNED:
         for path in (results / name / "plans").iterdir():
             assert path.read_bytes() == (results / "plans" / path.name).read_bytes()

@@ -7,7 +7,8 @@ import pytest
 
 from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.field import make_field
-from planners import CagingProblem, ExhaustiveConfiguration
+from piec_envs.world.robots import get_robot
+from planners import CagingProblem, CmaEsConfiguration, ExhaustiveConfiguration
 from planners.configuration import draw_postures
 from planners.exhaustive import inner_postures, outer_postures
 
@@ -62,3 +63,56 @@ def test_an_object_that_no_posture_clears_is_said(problem):
     inside = CagingProblem(problem.robot, problem.object, np.zeros(3), problem.field)
     with pytest.raises(InvalidParameterError, match="overlap"):
         SEARCH.solve(inside)
+
+
+# --- a base that slides ------------------------------------------------------------------------
+
+ROUND = np.array([0.35, 0.1, 0.0])
+MOBILE = ExhaustiveConfiguration(spacing=0.5, headings=1, offset=0.08, polished=3, population=10, iterations=10)
+
+
+@pytest.fixture(scope="module")
+def sliding() -> CagingProblem:
+    field = make_field("table", "mobile_franka_capsules", resolution=49, spacing=0.3, threads=1)
+    return CagingProblem("mobile_franka_capsules", "circle_119", ROUND, field, threads=1)
+
+
+def test_with_a_sliding_base_the_grid_of_values_is_what_the_problem_measures(sliding):
+    outer, inner = outer_postures(sliding, 3, 0.3), inner_postures(sliding, 0.5)[::9]
+    values = MOBILE._values(sliding, outer, inner, -np.inf)
+    q = np.array([[np.append(place, posture) for place in outer] for posture in inner])  # (B, H, 5)
+    judged = sliding.measure(q.reshape(-1, 5))
+    allowed = (judged.phi >= 0).all(axis=1).reshape(values.shape)
+    np.testing.assert_array_equal(np.isfinite(values), allowed)
+    assert 100 < allowed.sum() < allowed.size
+    np.testing.assert_allclose(values[allowed], judged.escape_time.reshape(values.shape)[allowed], rtol=1e-9)
+
+
+def test_with_a_sliding_base_no_search_finds_a_better_posture(sliding):
+    found = MOBILE.solve(sliding)
+    search = CmaEsConfiguration(population=20, iterations=30, restarts=1, sigma=0.2, guesses=500, kind="curled")
+    nearby = search.solve(sliding, start=np.array([0.2, 0.1, 0.0, -2.0, 1.0]))
+    assert found.feasible and nearby.feasible and found.escape_time >= nearby.escape_time
+    free = (1.0 - np.hypot(*(ROUND[:2] - found.posture[:2]))) / sliding.field.u_bar  # of that place without an arm
+    assert found.escape_time > free
+
+
+def test_places_headings_and_inner_postures_cover_the_workspace(sliding):
+    outer, robot = outer_postures(sliding, 5, 0.08), get_robot(sliding.robot)
+    away = outer[:, :2] - ROUND[:2]
+    assert np.hypot(*away.T).max() < robot.workspace_radius
+    rng = np.random.default_rng(0)
+    angle, radius = rng.uniform(0, 2 * np.pi, 500), robot.workspace_radius * np.sqrt(rng.uniform(0, 1, 500))
+    bases = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    gaps = np.hypot(*(bases[:, None] - away[::5]).transpose(2, 0, 1)).min(axis=1)
+    inside = radius < robot.workspace_radius - 0.08
+    assert gaps[inside].max() <= 0.08 / np.sqrt(2) + 1e-12 and gaps.max() < 0.08 * np.sqrt(2)
+    for place in range(0, len(outer), 5):  # every place with every heading
+        assert (outer[place : place + 5, :2] == outer[place, :2]).all()
+        np.testing.assert_allclose(outer[place : place + 5, 2], np.linspace(sliding.lower[2], sliding.upper[2], 5))
+    inner = inner_postures(sliding, 0.5)
+    for joint in range(2):
+        values = np.unique(inner[:, joint])
+        assert values[0] == sliding.lower[3 + joint] and values[-1] == sliding.upper[3 + joint]
+        assert np.diff(values).max() <= 0.5
+    assert len(inner) == np.prod([len(np.unique(column)) for column in inner.T])
