@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
-from evaluation.studies.contact_methods import CONTROLS, MethodSettings, Printed, compare_methods
+from evaluation.studies.contact_methods import CONTROLS, SMALL_TABLE, MethodSettings, Printed, compare_methods
 
 ENV = "piec_envs/FrankaPush-v0"
 MISMATCHES = {
@@ -44,7 +44,7 @@ class Settings(MethodSettings):
             episodes=2,
             starts=2,
             planner=SMOKE_PLANNER,
-            env_kwargs={"geometry": "capsules"},
+            env_kwargs={"geometry": "capsules", "escape_field": SMALL_TABLE},
         )
 
 

@@ -28,6 +28,7 @@ from evaluation.studies.common import (
     spread,
     success_columns,
 )
+from evaluation.studies.contact_methods import SMALL_TABLE
 from evaluation.studies.franka_push import MISMATCHES, PLANNER
 from evaluation.studies.mismatch import evaluate_all, executed
 from evaluation.studies.mismatch import mismatch_rows as plant_rows
@@ -90,7 +91,7 @@ class Settings:
             episodes=2,
             starts=2,
             planner=SMOKE_PLANNER,
-            env_kwargs={"geometry": "capsules"},
+            env_kwargs={"geometry": "capsules", "escape_field": SMALL_TABLE},
         )
 
     def case(self, side: str, ratio: float) -> Case:

@@ -24,7 +24,7 @@ from evaluation.studies.common import (
     distance_columns,
     success_columns,
 )
-from evaluation.studies.contact_methods import METHODS
+from evaluation.studies.contact_methods import METHODS, SMALL_TABLE
 from evaluation.studies.franka_fixed import ENV, PLANNER
 from evaluation.studies.pictures import first_trajectories, watched
 from evaluation.tables import write_table
@@ -67,7 +67,8 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls((0,), ("sim-to-real-sm3",), 1, 1, SMOKE_PLANNER, {"geometry": "capsules"})
+        env_kwargs = {"geometry": "capsules", "escape_field": SMALL_TABLE}
+        return cls((0,), ("sim-to-real-sm3",), 1, 1, SMOKE_PLANNER, env_kwargs)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
