@@ -46,6 +46,7 @@ CONTROLS: Mapping[str, tuple[Mapping[str, Any], str]] = {
     "WACaging, open start": (OPEN, "caging"),
 }
 CARRY = "rigid-carry"
+SMALL_TABLE = {"name": "table", "resolution": 49, "spacing": 0.3}  # solved in no time, for smoke runs
 NOISE_NOTES = """\
 n counts distinct executions: plans x rollouts, under `disturbance-5mm` (Gaussian, sigma = 5 mm for each axis in each
 step of 0.1 s). First plan: rate of the first planner seed with Wilson's 95 % interval; each plan: rates of all seeds,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
-from evaluation.studies.contact_methods import CARRY, CONTROLS, MethodSettings, Printed, compare_methods
+from evaluation.studies.contact_methods import CARRY, CONTROLS, SMALL_TABLE, MethodSettings, Printed, compare_methods
 
 ENV = "piec_envs/MobileFrankaPush-v0"
 MISMATCHES = {  # in the order of the paper's columns
@@ -34,7 +34,6 @@ TABLE_3 = {  # d2g, nominal and in the order of MISMATCHES
     "WACaging": (0.000, 0.000, 0.001, 0.002, 0.002),
 }
 PAPER = Printed(NOISE, {name: dict(zip(("nominal", *MISMATCHES), row, strict=True)) for name, row in TABLE_3.items()})
-SMALL_TABLE = {"name": "table", "resolution": 49, "spacing": 0.3}  # solved in no time
 PLANNER = {"sigma": 0.05, "restarts": 2, "survivors": 1, "robust_samples": 4}
 
 
