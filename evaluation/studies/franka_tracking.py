@@ -159,9 +159,14 @@ def _rank_row(side: str, ratios: Sequence[float], results: Mapping[Any, Sequence
     row: dict[str, Any] = {"arc": side, "n": sum(len(results[side, ratio]) for ratio in ratios)}
     for name, label in (("tracking_error", "error"), ("mean_caging", "caging")):
         values = np.array([column(results[side, ratio], name) for ratio in ratios])  # (ratios, plans)
-        row[f"{label}, means"] = float(spearmanr(ratios, values.mean(axis=1)).statistic)
-        row[f"{label}, each seed"] = [float(spearmanr(ratios, one).statistic) for one in values.T]
+        row[f"{label}, means"] = rank_correlation(ratios, values.mean(axis=1))
+        row[f"{label}, each seed"] = [rank_correlation(ratios, one) for one in values.T]
     return row
+
+
+def rank_correlation(first: Sequence[float], second: np.ndarray) -> float | None:
+    """Spearman's rank correlation; None where the second does not vary."""
+    return float(spearmanr(first, second).statistic) if np.ptp(second) > 0 else None
 
 
 def _draw(study: StudyRun, settings: Settings, cases: Mapping[Any, Case], results: Mapping[Any, Any]) -> list[Path]:
