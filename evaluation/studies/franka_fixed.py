@@ -37,12 +37,12 @@ class Settings(MethodSettings):
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
         return cls(
-            methods=("Link", "WACaging"),
+            methods=("WACaging",),
             planner_seeds=(0,),
             controls=(),
             mismatches={"shape-a4_box": "box"},
-            episodes=2,
-            starts=2,
+            episodes=1,
+            starts=1,
             planner=SMOKE_PLANNER,
             env_kwargs={"geometry": "capsules", "escape_field": SMALL_TABLE},
         )
