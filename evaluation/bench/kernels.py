@@ -53,14 +53,13 @@ def franka_steps(sizes: Sizes) -> list[Row]:
 
 def _carry(sizes: Sizes, name: str, sigma: float, label: str, wanted: str) -> Row:
     """Time of a step while the base carries the object to the goal and the arm closes on it a little."""
-    start = np.array([0.416, 0.319, -0.986, -2.134, 0.785])  # the arm around the object
     env: Any = gym.make(
-        "piec_envs/MobileFrankaPush-v0", disable_env_checker=True, start=start.tolist(), object=name, disturbance=sigma,
+        "piec_envs/MobileFrankaPush-v0", disable_env_checker=True, start="cage", object=name, disturbance=sigma,
         escape_field=None, threads=1,
     ).unwrapped  # fmt: skip
     env.reset(seed=0)
     time, batch = np.arange(1, sizes.motion + 1) / sizes.motion, env.batch
-    path = np.tile(start, (sizes.rows, sizes.motion, 1))
+    path = np.tile(batch.config.posture, (sizes.rows, sizes.motion, 1))
     path[:, :, :2] += np.minimum(1.0, time / 0.6)[:, None] * (batch.task.goal - batch.task.start[:2])
     path[:, :, 3:] -= 0.1 * time[None, :, None] * np.random.default_rng(0).uniform(0, 1, (sizes.rows, 1, 2))
     states = batch.state.take([0] * sizes.rows)

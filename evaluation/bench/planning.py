@@ -11,7 +11,7 @@ from evaluation.bench.base import Row, Sizes, make_batch, median_seconds, row
 from evaluation.studies import PUSH
 from evaluation.studies.franka_push import ENV as FRANKA_PUSH
 from evaluation.studies.franka_push import PLANNER as FRANKA_PLANNER
-from piec_envs.episodes.tasks import get_task
+from piec_envs.episodes.tasks import MOBILE
 from piec_envs.errors import MissingDependencyError
 from piec_envs.escape.field import choose_field
 from planners import CagingProblem, CmaEsConfiguration, CmaEsPlanner, Plan
@@ -42,7 +42,7 @@ def franka_plan(sizes: Sizes, progress: bool = False) -> list[Row]:
     planner = CmaEsPlanner(**{**FRANKA_PLANNER, **dict(sizes.planner)})
     label, wanted = "plan, mobile Franka, caging", "at most 60"
     try:
-        choose_field("table", get_task("mobile_franka_push").robot)  # solved, or read from the cache, before the clock
+        choose_field("table", MOBILE.robot)  # solved, or read from the cache, before the clock
         begin = time.perf_counter()
         planner.plan(FRANKA_PUSH, seed=0, progress=progress)
     except MissingDependencyError as error:

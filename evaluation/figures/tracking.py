@@ -48,7 +48,7 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
     Args:
         points: lambda -> mean caging and mean tracking error (m) of each plan, shape (M, 2).
         path: where to write the PNG.
-        limit: largest error of a success, m, drawn as a line; None draws none.
+        limit: largest error of a success, m, drawn as a line where it is in sight; None draws none.
 
     Returns:
         The path.
@@ -65,7 +65,7 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
             _note_weight(ax, weight, mean, mix(colours[weight], "black", 0.25))
         ax.margins(x=0.14, y=0.14)
         ax.set_ylim(bottom=0)
-        if limit is not None:
+        if limit is not None and 1e3 * limit <= ax.get_ylim()[1]:  # far above all plans it says nothing
             ax.axhline(1e3 * limit, color=GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1)
             end: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
             ax.text(1.0, 1e3 * limit, "largest error of a success", color=mix(GOAL, "black", 0.2), fontsize=7.5, **end)
