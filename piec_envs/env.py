@@ -15,14 +15,12 @@ from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.info import batch_info, row_info
 from piec_envs.episodes.observation import POSITION_BOUND, observation_bound, observation_layout
 from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import GOAL_RADIUS, MEASURES, REWARD_SCALE
+from piec_envs.episodes.tasks import GOAL_RADIUS, REWARD_SCALE
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, check_name
 from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, take_row
 from piec_envs.rendering.renderer import Renderer
 
 Configure = Callable[[Mapping[str, Any]], EnvConfig]  # from an environment's keyword arguments
-
-_COST = MEASURES.index("cost")
 
 
 def make_config(task: str, options: Mapping[str, Any], robot: str = "auto", others: Iterable[str] = ()) -> EnvConfig:
@@ -86,11 +84,17 @@ class Interface:
         """Rewards of all rows for the step that led to `observation`, shape (B,)."""
         if self.mode:
             return self.compute_reward(observation["achieved_goal"], observation["desired_goal"])
-        return -REWARD_SCALE * self.batch.measures[:, _COST]
+        return -REWARD_SCALE * self.batch.stage_cost
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """No episode ends by itself; one whose simulation has diverged is cut short, shape (B,) each."""
-        return np.zeros(self.batch.state.rows, dtype=bool), self.batch.state.diverged.copy()
+        """No episode ends by itself; one whose simulation has diverged is cut short, shape (B,) each.
+
+        Whoever counts steps would count actions, so that one with repeated actions ends here.
+        """
+        state, cut = self.batch.state, self.batch.state.diverged.copy()
+        if self.batch.config.action_repeat > 1:
+            cut |= state.step >= self.batch.task.horizon
+        return np.zeros(state.rows, dtype=bool), cut
 
     def info(self) -> dict:
         """Info of all rows at present."""
@@ -173,8 +177,8 @@ class MotionEnv(gym.Env):
         reward = float(self._interface.reward(observation)[0])
         if self.render_mode:
             self._trail.append(self._batch.state.pose[0, :2].copy())
-        diverged = bool(self._batch.state.diverged[0])
-        return take_row(observation), reward, False, diverged, row_info(self._interface.info())
+        _, truncated = self._interface.ends()
+        return take_row(observation), reward, False, bool(truncated[0]), row_info(self._interface.info())
 
     def set_params(self, params: Mapping[str, Any]) -> None:
         """Change plant parameters (fields of `PlantParams`) of the episodes to come."""

@@ -67,8 +67,8 @@ class MotionVectorEnv(NativeVectorEnv):
         if not isinstance(state, State):
             raise InvalidStateError(f"set_state takes a State, got {state!r}")
         self._batch.restore(state)
-        self._elapsed = state.step.copy()
-        self._ended = state.diverged | (self._elapsed >= self.max_episode_steps)
+        self._elapsed = state.step // self._batch.config.action_repeat
+        self._ended = self._interface.ends()[1] | (self._elapsed >= self.max_episode_steps)
         return self._interface.observe(), with_masks(self._interface.info(), np.ones(self.num_envs, dtype=bool))
 
     def rollout(self, state: State, path: np.ndarray | None = None, controls: np.ndarray | None = None) -> Rollout:

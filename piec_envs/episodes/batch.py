@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,12 +23,14 @@ from piec_envs.parallel import run_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
+_COST = MEASURES.index("cost")
+
 
 class EpisodeBatch:
     """B episodes of one task, stepped or rolled out together.
 
     Its present: `state`; `link_distance` (B, links), m; `contact` (B, links); and `measures`
-    (B, len(MEASURES)).
+    (B, len(MEASURES)); and `stage_cost`, summed over the last action, (B,).
 
     Args:
         config: the environment's keyword arguments.
@@ -54,6 +56,7 @@ class EpisodeBatch:
         self.link_distance = np.zeros((rows, self.scene.links))
         self.contact = np.zeros((rows, self.scene.links), dtype=bool)
         self.measures = np.zeros((rows, len(MEASURES)))
+        self.stage_cost = np.zeros(rows)
 
     def set_params(self, params: Mapping[str, Any]) -> None:
         """Change plant parameters of the episodes to come.
@@ -165,7 +168,7 @@ class EpisodeBatch:
     # --- stepping ----------------------------------------------------------------------------
 
     def step(self, actions: np.ndarray) -> None:
-        """Advance all rows by one step.
+        """Advance all rows by one action, which lasts `action_repeat` steps.
 
         Args:
             actions: shape (B, n), in [-1, 1].
@@ -175,13 +178,18 @@ class EpisodeBatch:
         """
         shape = (self.state.rows, self.robot.dof)
         actions = as_floats("actions", actions, shape, InvalidActionError)
-        motion, measures, _ = self._advance(
-            self.state, actions[:, None], False, self._plant_now, self._noise, self._flees
-        )
+        values = actions[:, None]
+        if self.config.action_repeat > 1:
+            values = np.repeat(values, self.config.action_repeat, axis=1)
+        self.stage_cost = np.zeros(shape[0])
+        for motion, measures, _ in self._advances(
+            self.state, values, False, self._plant_now, self._noise, self._flees
+        ):
+            self.stage_cost += measures[:, 1:, _COST].sum(axis=1)
         self.link_distance, self.contact, self.measures = (
-            motion.link_distance[:, 1],
-            motion.contact[:, 1],
-            measures[:, 1],
+            motion.link_distance[:, -1],
+            motion.contact[:, -1],
+            measures[:, -1],
         )
 
     def rollout(self, state: State, values: np.ndarray, absolute: bool) -> Rollout:
@@ -214,17 +222,20 @@ class EpisodeBatch:
         flees = np.array([params.adversary for params in state.params])
         pieces, escape = [self._still(state)], [state.escape_time[:, None].copy()]
         measures = [self._measure_still(pieces[0], state)]
+        for motion, measured, times in self._advances(state, values, absolute, plant, noise, flees):
+            pieces.append(motion)
+            measures.append(measured[:, 1:])
+            escape.append(times[:, 1:])
+        return Rollout(join_motions(pieces), np.concatenate(measures, axis=1), np.concatenate(escape, axis=1), state)
+
+    def _advances(self, state, values, absolute, plant, noise, flees) -> Iterator[tuple[Motion, np.ndarray, np.ndarray]]:
+        """Move `state` on by the steps of `values`, in as few pieces of `_advance` as can be."""
         done, total = 0, values.shape[1]
         while done < total:
             # A fleeing object's drift is needed on time; otherwise the field may follow the motion.
             ahead = int((self.escape_every - state.step % self.escape_every).min()) if flees.any() else total
-            chunk = values[:, done : done + ahead]
-            motion, measured, times = self._advance(state, chunk, absolute, plant, noise, flees)
-            pieces.append(motion)
-            measures.append(measured[:, 1:])
-            escape.append(times[:, 1:])
-            done += chunk.shape[1]
-        return Rollout(join_motions(pieces), np.concatenate(measures, axis=1), np.concatenate(escape, axis=1), state)
+            yield self._advance(state, values[:, done : done + ahead], absolute, plant, noise, flees)
+            done += ahead
 
     def _advance(self, state, values, absolute, plant, noise, flees) -> tuple[Motion, np.ndarray, np.ndarray]:
         """Move `state` on by the steps of `values`; a fleeing object's field is refreshed at their end at most.

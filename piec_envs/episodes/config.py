@@ -47,6 +47,8 @@ class EnvConfig:
         prior: "caging", "contact", "proximity" or None; "auto" is caging where a field is computed.
         goal: centre of the goal region, (x, y) in m; None takes the task's.
         goal_conditioned: False, or True (sparse reward) or "dense", for dictionary observations.
+        action_repeat: control steps of 0.1 s that one action lasts; their rewards add up, or the last counts
+            if `goal_conditioned`. Above 1 the environment itself truncates at the task's horizon.
         preset: "default" or "paper": weights of the stage cost and settings of the contact model.
         weights: changes to the preset's weights.
         noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
@@ -78,6 +80,7 @@ class EnvConfig:
     prior: str | None = "auto"
     goal: tuple[float, float] | None = None
     goal_conditioned: bool | str = False
+    action_repeat: int = 1
     preset: str = "default"
     weights: Mapping[str, Any] | None = None
     noise_entry: str = "qp"
@@ -113,6 +116,9 @@ class EnvConfig:
         for name in ("escape_every", "threads"):
             if getattr(self, name) is not None:
                 as_count(name, getattr(self, name))
+        as_count("action_repeat", self.action_repeat)
+        if task.horizon % self.action_repeat:
+            raise InvalidParameterError(f"action_repeat must divide {task.horizon}, got {self.action_repeat}")
         self._check_field()
 
     def _checked_goal(self) -> tuple[float, ...]:

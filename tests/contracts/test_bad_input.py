@@ -46,6 +46,8 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"disturbance": -0.001}, InvalidParameterError, "disturbance"),
         ({"disturbance": np.nan}, InvalidParameterError, "disturbance"),
         ({"friction": "high"}, InvalidParameterError, "friction"),
+        ({"action_repeat": 3}, InvalidParameterError, "action_repeat must divide 1000, got 3"),
+        ({"action_repeat": 0}, InvalidParameterError, "action_repeat"),
         ({"start_noise": (0.01,)}, InvalidParameterError, "start_noise"),
         ({"start_noise": (-0.01, 0.0)}, InvalidParameterError, "start_noise"),
         ({"dynamics": "mujoco", "mass": 0.0}, InvalidParameterError, "mass must be a finite number above 0, got 0"),
