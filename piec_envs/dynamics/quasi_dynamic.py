@@ -80,6 +80,8 @@ class QuasiDynamics:
 
 def _hold_diverged(motion: Motion) -> None:
     """Let rows rest that a rigid model (no compliance) has thrown out of all bounds: what is not finite stays so."""
+    if np.isfinite(motion.pose[:, -1].sum() + motion.q_r[:, -1].sum()):  # one look that tells of all rows
+        return
     thrown = ~(np.isfinite(motion.pose[:, -1]).all(axis=1) & np.isfinite(motion.q_r[:, -1]).all(axis=1))
     for row in np.flatnonzero(thrown):
         finite = np.isfinite(motion.pose[row]).all(axis=1) & np.isfinite(motion.q_r[row]).all(axis=1)  # (N + 1,)

@@ -23,6 +23,8 @@ from piec_envs.parallel import run_rows
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
 
+Piece = tuple[Motion, np.ndarray, np.ndarray]  # a motion with its measures and escape times
+
 _COST = MEASURES.index("cost")
 
 
@@ -181,11 +183,9 @@ class EpisodeBatch:
         values = actions[:, None]
         if self.config.action_repeat > 1:
             values = np.repeat(values, self.config.action_repeat, axis=1)
-        self.stage_cost = np.zeros(shape[0])
-        for motion, measures, _ in self._advances(
-            self.state, values, False, self._plant_now, self._noise, self._flees
-        ):
-            self.stage_cost += measures[:, 1:, _COST].sum(axis=1)
+        pieces = list(self._advances(self.state, values, False, self._plant_now, self._noise, self._flees))
+        self.stage_cost = sum(measures[:, 1:, _COST].sum(axis=1) for _, measures, _ in pieces)
+        motion, measures, _ = pieces[-1]
         self.link_distance, self.contact, self.measures = (
             motion.link_distance[:, -1],
             motion.contact[:, -1],
@@ -228,7 +228,7 @@ class EpisodeBatch:
             escape.append(times[:, 1:])
         return Rollout(join_motions(pieces), np.concatenate(measures, axis=1), np.concatenate(escape, axis=1), state)
 
-    def _advances(self, state, values, absolute, plant, noise, flees) -> Iterator[tuple[Motion, np.ndarray, np.ndarray]]:
+    def _advances(self, state, values, absolute, plant, noise, flees) -> Iterator[Piece]:
         """Move `state` on by the steps of `values`, in as few pieces of `_advance` as can be."""
         done, total = 0, values.shape[1]
         while done < total:
@@ -237,7 +237,7 @@ class EpisodeBatch:
             yield self._advance(state, values[:, done : done + ahead], absolute, plant, noise, flees)
             done += ahead
 
-    def _advance(self, state, values, absolute, plant, noise, flees) -> tuple[Motion, np.ndarray, np.ndarray]:
+    def _advance(self, state, values, absolute, plant, noise, flees) -> Piece:
         """Move `state` on by the steps of `values`; a fleeing object's field is refreshed at their end at most.
 
         Returns:

@@ -52,7 +52,7 @@ def advance_escape(
     times = np.repeat(state.escape_time[:, None], motion.pose.shape[1], axis=1)
     if field is None:
         return times
-    if any(params.adversary > 0 for params in state.params):
+    if times.shape[1] == 2 or any(params.adversary > 0 for params in state.params):
         refresh_escape(field, state, np.flatnonzero(state.step % every == 0))
         times[:, -1] = state.escape_time
     else:

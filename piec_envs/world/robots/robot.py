@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class Robot:
         """Number of joints."""
         return len(self.joints)
 
-    @property
+    @cached_property
     def base_dof(self) -> int:
         """Number of leading joints that only slide, and so move the base."""
         return next((j for j, joint in enumerate(self.joints) if joint.axis[2] != 0), self.dof)
