@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PANEL = 3.3  # width of a panel, inches
+ENTRY, LINE = 1.25, 0.22  # width and height of an entry of the legend, inches
+FAR = 0.2  # m from the goal; objects that end beyond it are not looked at closely
 EXECUTED = (MEAN, "#f08a24", "#7a4fb5", "#2b2f3a", "#c05a9d")
 DASHES = ((0, (4, 1.6)), (0, (2.2, 1.4)), (0, (6, 1.6, 1.2, 1.6)), (0, (1.2, 1.2)), (0, (8, 2)))
 PLANNED = "#f28e1c"  # the simplified shape
@@ -63,7 +65,10 @@ def mismatch_paths(
     shown = [replace(plan, disturbed=np.stack([run.pose for run in runs])) for plan, runs in pairs]
     whole, end = bounds(shown, [[plan.steps] for plan in plans]), end_box(pairs)
     heights = [PANEL * float(np.ptp(box[1]) / np.ptp(box[0])) for box in (whole, end)]
-    with figure_file(path, PANEL * len(plans), sum(heights) + 0.75) as figure:
+    handles = _path_handles([run.label for run in executed[0]])
+    columns = min(len(handles), int(PANEL * len(plans) / ENTRY))
+    lines = -(-len(handles) // columns)
+    with figure_file(path, PANEL * len(plans), sum(heights) + 0.53 + LINE * lines) as figure:
         axes = figure.subplots(2, len(plans), height_ratios=heights, squeeze=False)
         for (above, below), (plan, runs) in zip(axes.T, pairs, strict=True):
             mode = mode_of(plan.mode)
@@ -73,13 +78,12 @@ def mismatch_paths(
                 show_scene(ax, box)
             _frame(above, end)
             _frame(below, end)
-        handles = _path_handles([run.label for run in executed[0]])
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.6)
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6)
     return Path(path)
 
 
 def end_box(pairs: Sequence[tuple[Trajectory, Sequence[Executed]]], margin: float = 0.03) -> np.ndarray:
-    """Box around the goal regions and all objects at the end, at least as wide as high.
+    """Box around the goal regions and all objects that end near them, at least as wide as high.
 
     Args:
         pairs: nominal executions, each with its executions under other plants.
@@ -90,9 +94,8 @@ def end_box(pairs: Sequence[tuple[Trajectory, Sequence[Executed]]], margin: floa
     """
     points = []
     for plan, runs in pairs:
-        outlines = [_placed(plan.object, plan.pose[-1])]
-        outlines += [_placed(get_object(run.object_name), run.pose[-1]) for run in runs]
-        points += [outline.T for outline in outlines]
+        ends = [(plan.object, plan.pose[-1]), *((get_object(run.object_name), run.pose[-1]) for run in runs)]
+        points += [_placed(item, end).T for item, end in ends if np.hypot(*(end[:2] - plan.goal)) < FAR]
         points += [plan.goal[None] + shift for shift in (-GOAL_RADIUS, GOAL_RADIUS)]
     cloud = np.concatenate(points)  # (m, 2)
     box = np.stack([np.nanmin(cloud, axis=0) - margin, np.nanmax(cloud, axis=0) + margin], axis=1)  # NaN parts shapes

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.figures import keyframes, mismatch_paths, over_time, space_keyframes, trajectories
+from evaluation.figures import animate_rollouts, keyframes, mismatch_paths, over_time, space_keyframes, trajectories
 from evaluation.figures.base import mode_of
 from evaluation.studies.common import (
     DRAWN_STARTS,
@@ -46,6 +46,7 @@ CONTROLS: Mapping[str, tuple[Mapping[str, Any], str]] = {
     "WACaging, open start": (OPEN, "caging"),
 }
 CARRY = "rigid-carry"
+ANIMATED_EVERY = 20  # steps between two frames
 SMALL_TABLE = {"name": "table", "resolution": 49, "spacing": 0.3}  # solved in no time, for smoke runs
 NOISE_NOTES = """\
 n counts distinct executions: plans x rollouts, under `disturbance-5mm` (Gaussian, sigma = 5 mm for each axis in each
@@ -272,7 +273,7 @@ def whole_arm_caging(study: StudyRun, case: Case, seed: int) -> float:
 
 
 def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches: Mapping[str, str]) -> list[Path]:
-    """Key frames, disturbed and mismatched paths of the first plans, and caging over time of all plans.
+    """Key frames, disturbed paths, still and moving, mismatched ones of the first plans; caging over time of all.
 
     Args:
         study: the run.
@@ -280,13 +281,14 @@ def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches:
         noise: protocol of the disturbed paths.
         mismatches: protocols of the mismatched paths and what the figure calls them.
     """
-    folder, nominal = study.out_dir, first_trajectories(study, cases)
+    folder, nominal, noisy = study.out_dir, first_trajectories(study, cases), first_trajectories(study, cases, noise)
     caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}
     runs = [[executed(study, case, name, label) for name, label in mismatches.items()] for case in cases]
     return study.draw(
         partial(keyframes, nominal, folder / "keyframes.png"),
         partial(space_keyframes, nominal, folder / "space_keyframes.png"),
-        partial(trajectories, first_trajectories(study, cases, noise), folder / "object_paths.png"),
+        partial(trajectories, noisy, folder / "object_paths.png"),
+        partial(animate_rollouts, noisy, folder / "animation.gif", every=ANIMATED_EVERY),
         partial(mismatch_paths, nominal, runs, folder / "mismatch_paths.png"),
         partial(over_time, caging, "caging", folder / "caging.png"),
     )

@@ -122,7 +122,7 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     best = cases[settings.sides[0], max(settings.ratios)]
     noisy = study.evaluate([best], settings.noise)[0]
     robust = [{"plans": best.label, **success_columns(noisy), **distance_columns(noisy)}]
-    robust[0]["error, m"] = float(np.average(column(noisy, "tracking_error"), weights=column(noisy, "n")))
+    robust[0]["error, mm"] = float(np.average(1e3 * column(noisy, "tracking_error"), weights=column(noisy, "n")))
     plants = plant_rows([best], evaluate_all(study, [best], ("nominal", *settings.mismatches)))
     folder = study.out_dir
     return [
@@ -144,8 +144,8 @@ def _row(study: StudyRun, side: str, ratio: float, case: Case, results: Sequence
         "arc": side,
         "lambda": ratio,
         "n": len(results),
-        "error, m": spread(column(results, "tracking_error")),
-        "shortest distance, m": spread(np.array(shortest)),
+        "error, mm": spread(1e3 * column(results, "tracking_error")),
+        "shortest distance, mm": spread(1e3 * np.array(shortest)),
         "coverage": spread(np.array([coverage(path, reference)[0] for path in paths])),
         "d2g, m": float(column(results, "d2g_mean").max()),
         "success": f"{sum(result['successes'] for result in results)} of {len(results)}",
