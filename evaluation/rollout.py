@@ -62,9 +62,11 @@ def evaluate(
     check_name("environment", env_id, MOTIONS)
     if not (isinstance(episodes, int | np.integer) and episodes >= 1):
         raise InvalidParameterError(f"episodes must be a whole number of at least 1, got {episodes!r}")
-    for name in ("num_envs", "max_episode_steps", "autoreset_mode"):
+    for name in ("num_envs", "max_episode_steps", "autoreset_mode", "action_repeat"):
         if name in (env_kwargs or {}):
-            raise InvalidParameterError(f"{name!r} is decided by evaluate: one whole episode in each row")
+            raise InvalidParameterError(
+                f"{name!r} is decided by evaluate: one whole episode in each row, an action in each control step"
+            )
     predict = _predict_of(policy)
     plant = get_protocol(protocol).env_kwargs(env_kwargs)
     if hasattr(policy, "predict") and not is_random(plant):

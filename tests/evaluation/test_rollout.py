@@ -88,7 +88,7 @@ def test_bad_input_is_refused(sweep_plan):
         evaluate(lambda observation: np.zeros(4), PUSH, episodes=2, env_kwargs=NO_FIELD)
 
 
-@pytest.mark.parametrize("name", ["num_envs", "max_episode_steps", "autoreset_mode"])
+@pytest.mark.parametrize("name", ["num_envs", "max_episode_steps", "autoreset_mode", "action_repeat"])
 def test_what_evaluate_decides_cannot_be_given(sweep_plan, name):
     """A shorter episode would begin anew within the row and be taken for the end of the first."""
     policy = OpenLoopPolicy(sweep_plan)
