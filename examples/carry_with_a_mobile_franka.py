@@ -1,6 +1,6 @@
 """Carry a cage with a mobile Franka, under noise and on another plant, and animate it.
 
-    python examples/carry_with_a_mobile_franka.py
+Run it as `python examples/carry_with_a_mobile_franka.py`.
 
 Without the extra `franka`, which brings the meshes, `--geometry capsules` does.
 """

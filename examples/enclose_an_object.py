@@ -1,6 +1,6 @@
 """Static caging: the posture that encloses an object best, by CMA-ES and by SQP with gradients.
 
-    python examples/enclose_an_object.py
+Run it as `python examples/enclose_an_object.py`.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Ask for the time that a point needs to escape from between the links, and draw the field.
 
-    python examples/escape_time.py
+Run it as `python examples/escape_time.py`.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Plan a push with two objectives, disturb both plans, and carry one over to MuJoCo.
 
-    python examples/plan_and_evaluate.py
+Run it as `python examples/plan_and_evaluate.py`.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Step one environment, then 256 rows of it at once, and change the plant under a policy.
 
-    python examples/step_environments.py
+Run it as `python examples/step_environments.py`.
 """
 
 import argparse
