@@ -22,6 +22,8 @@ class ContactModel(NamedTuple):
     """Settings of the quasi-dynamic model.
 
     Args:
+        own_inertia: whether the object turns as an even solid of its shape, M_o,theta = M_o,x rho^2 with rho its
+            radius of gyration, instead of with the paper's 0.042, which is far stiffer for all our objects.
         compliance: c relative to the largest diagonal entry of the dual matrix; 0 is rigid.
         push_out: largest overlap that one step resolves, m.
         state_noise: whether a displacement moves the pose before the QP (the paper's literal
@@ -33,6 +35,7 @@ class ContactModel(NamedTuple):
     push_out: float = 0.01
     state_noise: bool = False
     unlimited_lead: bool = False
+    own_inertia: bool = False
 
 
 PAPER_MODEL = ContactModel(compliance=0.0, unlimited_lead=True)
@@ -57,13 +60,15 @@ class _Workspace(NamedTuple):
 
 
 @batch_kernel
-def make_workspace(scene):
-    """Scratch for one scene."""
+def make_workspace(scene, model):
+    """Scratch for one scene and model."""
     n, m = scene.stiffness.shape[0], 2 * MAX_CONTACTS
     weight = np.empty(n + 3)
     weight[:n] = scene.stiffness
     for i in range(3):
         weight[n + i] = REGULARISER * MASS_MATRIX[i] / CONTROL_PERIOD**2
+    if model.own_inertia:
+        weight[n + 2] = weight[n] * scene.gyration**2
     return _Workspace(
         np.empty((n + 1, 4)),
         np.empty((1, 4)),
@@ -202,7 +207,7 @@ def rollout_rows(lo, hi, rows, scene, model, values, absolute, displacement, fri
         motion: a `Motion`'s arrays as a tuple, filled in place.
     """
     q_r, q_cmd, pose, actions, distance, contact, active = motion
-    work = make_workspace(scene)
+    work = make_workspace(scene, model)
     for r in range(lo, hi):
         i = rows[r]
         row = (q_r[i], q_cmd[i], pose[i], actions[i], distance[i], contact[i], active[i])

@@ -12,7 +12,7 @@ from piec_envs.dynamics.contact_step import advance_command, assemble, make_work
 def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
     """The same as `rollout_rows` in plain NumPy, one OSQP problem set up per step: the reference."""
     q_r, q_cmd, pose, actions, distance, contact, active = motion
-    work = make_workspace(scene)
+    work = make_workspace(scene, model)
     n = q_r.shape[2]
     for i in rows[lo:hi]:
         place(scene, q_r[i, 0], pose[i, 0], work, distance[i, 0])
@@ -55,7 +55,7 @@ def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=
         The problem, independent of the scratch.
     """
     if work is None:
-        work = make_workspace(scene)
+        work = make_workspace(scene, model)
         place(scene, q, pose, work, np.empty(scene.links))
     m = assemble(scene, model, friction, q, q_cmd, pose, displacement[0], displacement[1], work)
     gap = np.maximum(np.repeat(work.contacts.gap[: m // 2], 2), -model.push_out)

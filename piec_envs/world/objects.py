@@ -69,6 +69,12 @@ class Object:
         """Radius of the circle around the object's origin that contains it, m."""
         return max(float(np.linalg.norm(s.vertices, axis=1).max()) + s.radius for s in self.shapes)
 
+    @property
+    def gyration(self) -> float:
+        """Radius of gyration about the origin of an even solid of these shapes, which do not overlap, m."""
+        moments = [shape.polar_moment for shape in self.shapes]
+        return float(np.sqrt(sum(moments) / sum(shape.area for shape in self.shapes)))
+
 
 def _depth_inside(shape: RoundedPolygon, point: np.ndarray) -> float:
     """Radius of the largest disc around `point` inside one shape (a lower bound for capsules)."""

@@ -40,6 +40,7 @@ class PackedScene(NamedTuple):
     links: int
     apart: np.ndarray  # (P, 2) int64, pairs of links that could collide
     object: PackedShapes
+    gyration: float  # m, of the object
 
 
 def pack_shapes(parts: list[tuple[RoundedPolygon, int, int]]) -> PackedShapes:
@@ -113,4 +114,5 @@ def pack_scene(robot_name: str, object_name: str) -> PackedScene:
         links=len(robot.links),
         apart=_links_apart(robot),
         object=pack_shapes([(shape, 0, 0) for shape in item.shapes]),
+        gyration=item.gyration,
     )

@@ -62,6 +62,14 @@ class RoundedPolygon:
         return float(0.5 * (x * step_y - y * step_x).sum()) + self.radius * rim + np.pi * self.radius**2
 
     @property
+    def polar_moment(self) -> float:
+        """Integral of the squared distance to the origin over the shape, to 1e-4 of it, m^4."""
+        p = self.outline(100)  # (m, 2)
+        q = np.roll(p, -1, axis=0)
+        cross = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]  # (m,)
+        return float((cross[:, None] * (p * p + p * q + q * q)).sum() / 12)
+
+    @property
     def is_rectangle(self) -> bool:
         """Whether it is a sharp rectangle, at any angle."""
         if len(self.vertices) != 4 or self.radius > 0:

@@ -34,6 +34,7 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"preset": "journal"}, UnknownNameError, "default, paper"),
         ({"weights": {"tasks": 1}}, UnknownNameError, "task"),
         ({"disturbance_kind": "uniform"}, UnknownNameError, "direction, gaussian"),
+        ({"inertia": "none"}, UnknownNameError, "own, paper"),
         ({"noise_entry": "pose"}, UnknownNameError, "qp, state"),
         ({"goal_conditioned": "yes"}, UnknownNameError, "dense"),
         ({"dtype": "float16"}, UnknownNameError, "float64"),
