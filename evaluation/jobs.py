@@ -2,25 +2,30 @@
 
 The function is importable and called as `function(spec, seed, context)`, in this process or in
 workers; what it returns is JSON. So the same call runs on one core, on all cores (joblib's loky), on
-whatever backend `joblib.parallel_config` has set (Ray, Dask), or on anything with `submit`
-(submitit, concurrent.futures), and the results are the same everywhere.
+whatever backend `joblib.parallel_config` has set (Dask), or on anything with `submit`
+(concurrent.futures, and the engines of `evaluation.engines`), and the results are the same everywhere.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from evaluation.records import RecordFile, make_record, work_key
-from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.errors import EngineError, InvalidParameterError, UnknownNameError
 
 POLL_SECONDS = 0.05  # between two looks at an executor's futures
+RETRIES = 3  # how often what a lost worker had in hand is begun anew
 
 
 @dataclass(frozen=True)
@@ -97,17 +102,22 @@ def run_jobs(
         function: `module:function`, or a function of a module, of (spec, seed, context).
         works: what to do.
         jobs: 1 for a plain loop in this process, which leaves all threads to each piece of work;
-            more for that many joblib workers with one thread each; or an executor with `submit`.
-        context: for every piece of work; workers get one thread and no progress bar.
+            more for that many joblib workers with one thread each; or an executor: its
+            `submit(function, *args)` returns something with `done()` and `result()`, and it is handed
+            no more than `limit` pieces at once, if it has this attribute.
+        context: for every piece of work; workers get one thread and no progress bar, and the folder as
+            an absolute path, since they may run elsewhere.
 
     Yields:
         Each piece of work with its result and seconds, as they arrive.
 
     Raises:
         InvalidParameterError: if `jobs` is none of these.
+        EngineError: if workers are lost again and again.
     """
     name, context = function_name(function), context or Context()
-    alone = replace(context, threads=1, progress=False)
+    folder = os.path.abspath(context.folder) if context.folder else ""
+    alone = replace(context, folder=folder, threads=1, progress=False)
     if hasattr(jobs, "submit"):
         yield from _run_submitted(name, works, jobs, alone)
     elif not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
@@ -119,15 +129,40 @@ def run_jobs(
         yield from _run_joblib(name, works, jobs, alone)
 
 
+def say(text: str) -> None:
+    """One line on the standard error, above the progress bar."""
+    tqdm.write(f"piec: {text}", file=sys.stderr)
+
+
+def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -> Iterator[tuple[Work, Any, float]]:
+    """What is left is begun anew with new workers when one of them was killed, for instance for its memory."""
+    left, losses = dict(enumerate(works)), 0
+    while left:
+        try:
+            for index, result, seconds in _joblib_results(name, left, jobs, context):
+                losses = 0
+                yield left.pop(index), result, seconds
+        except BrokenProcessPool as error:  # joblib's TerminatedWorkerError is one
+            losses += 1
+            if losses > RETRIES:
+                raise EngineError(
+                    f"a worker was lost {losses} times in a row and nothing got done; if memory is short, take "
+                    "fewer jobs. What is recorded is kept: run the same again to go on"
+                ) from error
+            say(f"a worker was lost; what is left is begun anew ({losses} of {RETRIES})")
+
+
 def _indexed_call(index: int, *arguments: Any) -> tuple[int, Any, float]:
     return index, *call(*arguments)
 
 
-def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -> Iterator[tuple[Work, Any, float]]:
+def _joblib_results(
+    name: str, works: Mapping[int, Work], jobs: int, context: Context
+) -> Iterator[tuple[int, Any, float]]:
     import joblib
 
     delayed = joblib.delayed(_indexed_call)
-    calls = [delayed(i, name, dict(work.spec), work.seed, context) for i, work in enumerate(works)]
+    calls = [delayed(i, name, dict(work.spec), work.seed, context) for i, work in works.items()]
     try:
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
         pieces = [calls]
@@ -135,15 +170,19 @@ def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -
         parallel = joblib.Parallel(n_jobs=jobs, batch_size=1)
         pieces = [calls[lo : lo + jobs] for lo in range(0, len(calls), jobs)]
     for piece in pieces:
-        for index, result, seconds in parallel(piece):
-            yield works[index], result, seconds
+        yield from parallel(piece)
 
 
 def _run_submitted(
     name: str, works: Sequence[Work], executor: Any, context: Context
 ) -> Iterator[tuple[Work, Any, float]]:
-    waiting = {executor.submit(call, name, dict(work.spec), work.seed, context): work for work in works}
-    while waiting:
+    limit, todo = getattr(executor, "limit", len(works)), iter(works)
+    waiting: dict[Any, Work] = {}
+    while True:
+        for work in islice(todo, limit - len(waiting)):
+            waiting[executor.submit(call, name, dict(work.spec), work.seed, context)] = work
+        if not waiting:
+            return
         done = [future for future in waiting if future.done()]
         for future in done:
             yield waiting.pop(future), *future.result()

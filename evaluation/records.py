@@ -2,7 +2,8 @@
 
 A line is written with one call and forced to the disk before the next begins, so that a kill can
 cut off the last line alone; the next run drops that line and does its work again. The lock of an
-open file keeps a second run out, and the key of a record lets no piece of work in twice.
+open file keeps a second run out, and the key of a record lets no piece of work in twice. Files of
+several machines are merged by putting one behind the other: of records with one key the first counts.
 """
 
 from __future__ import annotations
@@ -98,25 +99,36 @@ def make_record(spec: Mapping[str, Any], seed: int, result: Any, seconds: float)
 
 
 def _parse(path: Path, data: bytes) -> tuple[list[dict[str, Any]], int]:
-    """Records in a file's contents, and the length of the part that is whole."""
+    """Records in a file's contents, each key once, and the length of the part that is whole."""
     end = data.rfind(b"\n") + 1
     tail = data[end:]
     if tail and not (tail.startswith(_FIRST) or _FIRST.startswith(tail)):
         raise RecordError(f"{path} holds no records: its last line is {tail[:40]!r}...")
-    records: list[dict[str, Any]] = []
+    records: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(data[:end].splitlines(), start=1):
         try:
-            record = json.loads(line)
+            record = _loads(line)
         except ValueError as error:
             raise RecordError(f"{path}, line {number}, is no JSON: {line[:40]!r}...") from error
         if not isinstance(record, dict) or record.get("format") != FORMAT or any(n not in record for n in _FIELDS):
             raise RecordError(f"{path}, line {number}, is no record of format {FORMAT}: {line[:40]!r}...")
-        records.append(from_json(record))
-    return records, end
+        records.setdefault(record["key"], from_json(record))
+    return list(records.values()), end
+
+
+def _loads(line: bytes) -> Any:
+    """A line; if the file before had its last line cut off when they were merged, what comes behind that."""
+    try:
+        return json.loads(line)
+    except ValueError:
+        begin = line.rfind(_FIRST)
+        if begin < 1:
+            raise
+        return json.loads(line[begin:])
 
 
 def read_records(path: str | os.PathLike) -> list[dict[str, Any]]:
-    """All records of a file, without a last line that was cut off; none if there is no file.
+    """All records of a file, each key once, without a last line that was cut off; none if there is no file.
 
     Raises:
         RecordError: if the file is no record file.

@@ -88,6 +88,10 @@ class RecordError(PiecError, ValueError):
     """A record file that cannot be read."""
 
 
+class EngineError(PiecError, RuntimeError):
+    """Workers that cannot be started, that are lost again and again, or that have other versions installed."""
+
+
 def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[PiecError]) -> np.ndarray:
     """A finite array of the given shape, as a copy.
 

@@ -6,13 +6,16 @@ import inside `run`, so that `piec --help` is quick.
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, fields
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from evaluation.engines import ENGINES, open_engine
 from piec_envs.errors import InvalidParameterError, check_name
 
 
@@ -104,6 +107,23 @@ COMMANDS = {
         ),
     )
 }
+
+
+def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of every command whose work fans out."""
+    parser.add_argument("--jobs", type=int, default=1, help="workers; one uses all cores too (default: %(default)s)")
+    parser.add_argument("--engine", default="local", help=f"where: {', '.join(ENGINES)} (default: %(default)s)")
+    parser.add_argument(
+        "--engine-option",
+        nargs="+",
+        metavar="NAME=VALUE",
+        help="of ray.init or of submitit, such as slurm_partition=cpu timeout_min=120 (docs/scaling.md)",
+    )
+
+
+def open_workers(args: argparse.Namespace) -> AbstractContextManager[Any]:
+    """What those arguments ask for, as `run_jobs` takes it."""
+    return open_engine(args.engine, args.jobs, settings(args.engine_option))
 
 
 def settings(pairs: Sequence[str] | None) -> dict[str, Any]:

@@ -28,6 +28,7 @@ def run(args: argparse.Namespace) -> Report:
 def _tables() -> dict[str, dict[str, str]]:
     """Title to names to one line about each."""
     from evaluation.commands import COMMANDS
+    from evaluation.engines import ENGINES
     from evaluation.protocols import PROTOCOLS
     from evaluation.studies import STUDIES
     from piec_envs.dynamics.quasi_dynamic import SOLVERS
@@ -53,6 +54,7 @@ def _tables() -> dict[str, dict[str, str]]:
         "objectives": {name: row.label for name, row in OBJECTIVES.items()},
         "protocols": {name: row.description for name, row in PROTOCOLS.items()},
         "studies": {name: row.description for name, row in STUDIES.items()},
+        "engines": {name: row.description for name, row in ENGINES.items()},
         "commands": {name: row.help for name, row in COMMANDS.items()},
     }
 

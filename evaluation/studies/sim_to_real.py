@@ -40,7 +40,7 @@ NOTES = """\
 n counts distinct executions: plans x episodes. Every episode of SM1 to SM3 draws friction (0.3 to 0.7), the factor of
 the mass (0.7 to 1.3), the actuators' delay (0 to 50 ms), and the start within 6 mm and 0.03 rad; those of the six
 discs draw the start alone, within 0.01 m and 0.05 rad. Own inertia: planned with M_o,theta of the pack's own shape,
-0.0011 instead of the paper's 0.042. First plan: rate of the first planner seed with Wilson's 95 % interval; each plan:
+0.0010 instead of the paper's 0.042. First plan: rate of the first planner seed with Wilson's 95 % interval; each plan:
 rates of all seeds, their mean with a bootstrap over plans, and the least. d2g: distance to the goal region at the end;
 deviation: largest distance from the planned execution at the same time. SM1 is the wrapped pack, SM2 a sharp box
 around it, SM3 that box and a loose roll at one of four places. The box overlaps the arm at the start by up to 12 mm:

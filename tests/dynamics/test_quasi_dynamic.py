@@ -12,6 +12,7 @@ from piec_envs.dynamics.active_set import make_dual, solve_dual
 from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Plant
 from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, solve_osqp
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
+from piec_envs.dynamics.mujoco_ import MujocoDynamics
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.dynamics.reference import assemble_problem
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
@@ -179,3 +180,21 @@ def test_bad_arguments():
         QuasiDynamics(solver="slow")
     with pytest.raises(InvalidParameterError, match="compliance"):
         QuasiDynamics(model=ContactModel(compliance=-1.0))
+
+
+def test_with_its_own_inertia_an_object_turns_with_the_face_that_pushes_it():
+    """A link pushes the long side of a box: under MuJoCo the two stay face to face, with the paper's entry not."""
+    q, pose, commands = np.zeros((1, 4)), np.array([[1.1, 0.17, 0.0]]), Commands(np.tile([1.0, 0, 0, 0], (1, 100, 1)))
+    plant = Plant("planar_arm", ["box"], np.array([0.5]))
+    behind = {}
+    for name, dynamics in {
+        "mujoco": MujocoDynamics(),
+        "own": QuasiDynamics(model=ContactModel(own_inertia=True)),
+        "own, osqp": QuasiDynamics("osqp", ContactModel(own_inertia=True)),
+        "paper": QuasiDynamics(),
+    }.items():
+        motion = dynamics.rollout(q, q, pose, commands, plant)
+        behind[name] = motion.q_r[0, -1, 0] - motion.pose[0, -1, 2]  # rad
+    assert behind["paper"] > 0.25
+    assert abs(behind["own"]) < 0.01 and abs(behind["mujoco"]) < 0.03
+    assert behind["own, osqp"] == pytest.approx(behind["own"], abs=1e-5)

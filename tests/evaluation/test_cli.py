@@ -152,6 +152,9 @@ def test_train_field(piec, tmp_path, capsys):
     ("arguments", "message"),
     [
         (["reproduce", "planar-adversery"], "Did you mean 'planar-adversary'?"),
+        (["reproduce", "eikonal-toy", "--jobs", "0"], "at least 1"),
+        (["reproduce", "eikonal-toy", "--engine", "rai"], "Did you mean 'ray'?"),
+        (["reproduce", "eikonal-toy", "--engine-option", "timeout_min=5"], "no options"),
         (["plan", "--objective", "luck"], "known: adversarial"),
         (["plan", "--planner", "luck=1"], "planner setting"),
         (["plan", "--planner", "iterations=many"], "such as 100"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import joblib
 import pytest
@@ -48,7 +49,24 @@ def test_workers_get_one_thread_and_no_progress_bar(draw):
     alone = [result for _, result, _ in run_jobs("draws:told", WORKS, 1, context)]
     with ThreadPoolExecutor(1) as pool:
         beside = [result for _, result, _ in run_jobs("draws:told", WORKS, pool, context)]
-    assert alone == [["here", None, True]] * 4 and beside == [["here", 1, False]] * 4
+    assert alone == [["here", None, True]] * 4
+    assert beside == [[str(Path("here").absolute()), 1, False]] * 4  # workers may run elsewhere
+
+
+def test_an_executor_is_handed_no_more_than_its_limit(draw):
+    class Limited(ThreadPoolExecutor):
+        limit, handed, most = 2, 0, 0
+
+        def submit(self, *arguments):
+            future = super().submit(*arguments)
+            self.handed += 1
+            self.most = max(self.most, self.handed)
+            return future
+
+    with Limited(4) as pool:
+        for _ in run_jobs(draw, WORKS, pool):
+            pool.handed -= 1
+    assert pool.handed == 0 and pool.most == 2
 
 
 def test_only_what_is_missing_is_done(draw, tmp_path):

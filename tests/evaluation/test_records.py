@@ -70,6 +70,22 @@ def test_no_record_twice(tmp_path):
         file.append(make_record({"a": 1}, 1, {}, 0.0))
 
 
+@pytest.mark.parametrize("cut", [0, 1, 10, 27, 60])
+def test_files_of_two_machines_are_merged_one_behind_the_other(tmp_path, cut):
+    here, there, merged = (tmp_path / name for name in ("a.jsonl", "b.jsonl", "c.jsonl"))
+    whole = write(here, 3)
+    with RecordFile(there) as file:
+        for seed in (1, 3):
+            file.append(make_record({"a": 1}, seed, {"x": "there"}, 0.2))
+    merged.write_bytes(here.read_bytes()[: -cut or None] + there.read_bytes())
+    seeds = [0, 1, 2, 3] if not cut else [0, 1, 3]  # a last line cut off is lost, and nothing with it
+    assert [record["seed"] for record in read_records(merged)] == seeds
+    assert read_records(merged)[1] == whole[1]  # of two with one key the first counts
+    works = [Work({"a": 1}, seed) for seed in seeds]
+    records = run_recorded("nowhere:nothing", works, merged)  # none is done again
+    assert [record["seed"] for record in records] == seeds and records[1] == whole[1]
+
+
 def test_two_runs_do_not_write_at_once(tmp_path):
     with RecordFile(tmp_path / "r.jsonl"), pytest.raises(RecordError, match="another run"):
         RecordFile(tmp_path / "r.jsonl")

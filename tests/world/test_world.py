@@ -47,6 +47,16 @@ def test_polygons_contain_the_circle_by_the_stated_excess():
         assert 1e3 * (get_object(name).bounding_radius - 0.075) == pytest.approx(excess, abs=0.05)
 
 
+def test_gyration_is_that_of_even_solids():
+    box_gyration, disc_gyration = np.hypot(0.3, 0.2) / np.sqrt(12), 0.119 / np.sqrt(2)
+    assert get_object("box").gyration == pytest.approx(box_gyration, rel=1e-9)
+    assert get_object("circle_119").gyration == pytest.approx(disc_gyration, rel=1e-4)
+    rolls = np.array([shape.vertices[0] for shape in get_object("paper_pack").shapes])  # discs of radius 0.05
+    assert get_object("paper_pack").gyration == pytest.approx(
+        np.sqrt(0.05**2 / 2 + (rolls**2).sum(axis=1).mean()), rel=1e-4
+    )
+
+
 def test_shallow_key_points_are_refused():
     with pytest.raises(InvalidShapeError, match="key point"):
         Object("thin", (box(0.3, 0.06),), key_points=np.zeros((1, 2)))
