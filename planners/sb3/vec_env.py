@@ -49,7 +49,7 @@ class NativeVecEnv(VecEnv):
             dtype="float32",
             **env_kwargs,
         )
-        action = self.native.single_action_space
+        action: Any = self.native.single_action_space
         super().__init__(
             num_envs,
             self.native.single_observation_space,

@@ -135,7 +135,9 @@ def test_stable_baselines3_checks_every_environment(env_id, choice):
         warnings.simplefilter("error")
         # Double precision is meant, so that plans replay to the last bit; float32 actions are taken as well.
         warnings.filterwarnings("ignore", message="Your action space has dtype float64")
-        check_env(gym.make(env_id, **choice).unwrapped)
+        env = gym.make(env_id, **choice).unwrapped
+        check_env(env)
+    assert hasattr(env, "compute_reward") == ("goal_conditioned" in choice)  # by which SB3 tells which is which
 
 
 @pytest.mark.parametrize("mode", [True, "dense"])
