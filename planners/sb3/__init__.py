@@ -18,7 +18,7 @@ _LAZY = {
     "train": "training",
 }
 
-__all__ = ["ALGORITHMS", "TrainSpec", *_LAZY]
+__all__ = ["ALGORITHMS", "TrainSpec", "check_installed", *_LAZY]
 
 
 def __getattr__(name: str) -> Any:

@@ -17,26 +17,29 @@ FORMAT = "piec-agent-checkpoint-1"
 MODEL, BUFFER, STATE, SPEC = "model.zip", "replay_buffer.pkl", "state.json", "spec.json"
 
 
-def claim_folder(folder: Path, spec: TrainSpec) -> None:
-    """Make the folder of a training, or recognise it.
+def check_folder(folder: Path, spec: TrainSpec) -> None:
+    """Refuse the folder of another training.
 
     Raises:
-        AgentError: if it is another training's, with what differs.
+        AgentError: with what differs.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     file = folder / SPEC
-    if file.is_file():
-        try:
-            stored = dict(json.loads(file.read_text(encoding="utf-8")))
-        except BROKEN_FILE as error:
-            raise AgentError(f"{file} is broken: {error}; move {folder} away to start anew") from error
-        if stored != spec.as_json():
-            raise AgentError(
-                f"{folder} belongs to another training ({spec.difference(stored)}); "
-                "choose another folder, or move it away to start anew"
-            )
+    if not file.is_file():
         return
-    with replacing(file) as out:
+    try:
+        stored = dict(json.loads(file.read_text(encoding="utf-8")))
+    except BROKEN_FILE as error:
+        raise AgentError(f"{file} is broken: {error}; move {folder} away to start anew") from error
+    if stored != spec.as_json():
+        raise AgentError(
+            f"{folder} belongs to another training ({spec.difference(stored)}); "
+            "choose another folder, or move it away to start anew"
+        )
+
+
+def claim_folder(folder: Path, spec: TrainSpec) -> None:
+    """Make the folder this training's."""
+    with replacing(folder / SPEC) as out:
         out.write((json.dumps(spec.as_json(), indent=1) + "\n").encode())
 
 

@@ -21,6 +21,7 @@ from planners.sb3.algorithms import check_installed, get_algorithm
 from planners.sb3.checkpoint import (
     BUFFER,
     MODEL,
+    check_folder,
     claim_folder,
     clear_checkpoints,
     read_checkpoint,
@@ -59,11 +60,13 @@ def train(spec: TrainSpec, folder: str | os.PathLike, progress: bool = True) -> 
     """
     check_installed()
     folder = Path(folder)
-    arguments = model_arguments(spec)  # before anything is written
-    claim_folder(folder, spec)
+    check_folder(folder, spec)
     if (folder / AGENT).with_suffix(".json").is_file():
         return Agent.load(folder / AGENT)
-    return Training(spec, folder, arguments).run(progress)
+    folder.mkdir(parents=True, exist_ok=True)  # fails now, not at the end
+    training = Training(spec, folder, model_arguments(spec))
+    claim_folder(folder, spec)  # only now, so that a misspelt setting can be corrected in the same folder
+    return training.run(progress)
 
 
 def score(model: Any, venv: NativeVecEnv) -> dict[str, float]:
@@ -121,7 +124,6 @@ class Training:
             self.venv = VecNormalize(self.venv, **normalisation)
         clear_checkpoints(folder, torn_only=True)
         self.model = self._restored(arguments["device"]) or self._fresh(arguments)
-        self.model.set_logger(configure(str(folder / LOGS), ["tensorboard"]))
 
     @property
     def next_mark(self) -> int:
@@ -131,6 +133,7 @@ class Training:
 
     def run(self, progress: bool = True) -> Agent:
         """Train to the end, and write the agent."""
+        self.model.set_logger(configure(str(self.folder / LOGS), ["tensorboard"]))
         self._clock = time.perf_counter()
         left = self.spec.timesteps - self.model.num_timesteps
         with tqdm(

@@ -280,3 +280,4 @@ def test_goal_conditioned_agents_learn_from_hindsight(tmp_path):
 def test_bad_specs_are_refused(changes, error, message, tmp_path):
     with pytest.raises(error, match=message):
         train(dataclasses.replace(SPECS["ppo"], **changes), tmp_path, progress=False)
+    assert not list(tmp_path.iterdir())  # the same folder takes the corrected spec
