@@ -11,6 +11,8 @@ from piec_envs.errors import InvalidParameterError, as_count, check_name
 from piec_envs.registration import MOTIONS
 from planners.sb3.algorithms import ALGORITHMS
 
+EVALUATION_SEED = 2**31  # of the first row of an evaluation; trainings have smaller ones, so no start is trained on
+
 
 @dataclass(frozen=True)
 class TrainSpec:
@@ -20,7 +22,7 @@ class TrainSpec:
         env_id: id of an environment of motion.
         algo: row of the table of algorithms.
         timesteps: steps of the environment in all, an action being one; the last rollout may go beyond.
-        seed: of all randomness.
+        seed: of all randomness; row i has seed + i.
         n_envs: rows of the environment.
         env_kwargs: its keyword arguments.
         hyper: arguments of the algorithm, with "normalize" beside them, as RL Zoo writes them.
@@ -47,7 +49,8 @@ class TrainSpec:
         check_name("algorithm", self.algo, ALGORITHMS)
         for name in ("timesteps", "n_envs", "evaluations", "eval_episodes"):
             as_count(name, getattr(self, name))
-        as_count("seed", self.seed, least=0)
+        if as_count("seed", self.seed, least=0) + self.n_envs > EVALUATION_SEED:
+            raise InvalidParameterError(f"seed must leave {self.n_envs} seeds below {EVALUATION_SEED}, got {self.seed}")
         for name in ("env_kwargs", "hyper"):
             try:
                 plain = json.loads(json.dumps(dict(getattr(self, name)), allow_nan=False))

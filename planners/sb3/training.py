@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tqdm import tqdm
 
-from piec_envs.errors import AgentError
+from piec_envs.errors import AgentError, InvalidParameterError
 from piec_envs.files import replacing
 from planners.sb3.agent import Agent
 from planners.sb3.algorithms import check_installed, get_algorithm
@@ -30,10 +32,9 @@ from planners.sb3.checkpoint import (
 from planners.sb3.hyperparameters import model_arguments, normalisation_arguments
 from planners.sb3.normalisation import normalise, restore_statistics, statistics_of
 from planners.sb3.spaces import check_spaces, described
-from planners.sb3.spec import TrainSpec
+from planners.sb3.spec import EVALUATION_SEED, TrainSpec
 from planners.sb3.vec_env import NativeVecEnv
 
-EVALUATION_SEED = 2**31  # of the first row; trainings have smaller seeds, so that no start is trained on
 AGENT, BEST, CURVE, LOGS = "agent.zip", "best_model.zip", "evaluations.jsonl", "tensorboard"
 
 
@@ -121,7 +122,8 @@ class Training:
         self.venv: Any = VecMonitor(native)
         normalisation = normalisation_arguments(spec)
         if normalisation is not None:
-            self.venv = VecNormalize(self.venv, **normalisation)
+            with _refusing("normalize"):
+                self.venv = VecNormalize(self.venv, **normalisation)
         clear_checkpoints(folder, torn_only=True)
         self.model = self._restored(arguments["device"]) or self._fresh(arguments)
 
@@ -197,7 +199,8 @@ class Training:
     def _fresh(self, arguments: dict[str, Any]) -> Any:
         if len(self.spaces["observation"]) > 1 and arguments["policy"] == "MlpPolicy":
             arguments = {**arguments, "policy": "MultiInputPolicy"}  # the same network, for dict observations
-        return get_algorithm(self.spec.algo)(env=self.venv, seed=self.spec.seed, **arguments)
+        with _refusing(f"the hyper-parameters of {self.spec.algo}"):
+            return get_algorithm(self.spec.algo)(env=self.venv, seed=self.spec.seed, **arguments)
 
     def _restored(self, device: str) -> Any:
         """The model of the last checkpoint; None where there is none."""
@@ -224,6 +227,15 @@ class Training:
             check_spaces(str(path), state["spaces"][kind], space, kind)
         if state["spec"] != self.spec.as_json():
             raise AgentError(f"{path} belongs to another training ({self.spec.difference(state['spec'])})")
+
+
+@contextmanager
+def _refusing(what: str) -> Iterator[None]:
+    """Say in our words that SB3 does not take a value."""
+    try:
+        yield
+    except (TypeError, ValueError, AssertionError) as error:
+        raise InvalidParameterError(f"Stable-Baselines3 refuses {what}: {error}") from error
 
 
 class _Watch(BaseCallback):
