@@ -42,8 +42,8 @@ def evaluate(
     An episode whose simulation becomes unstable has failed, and stays where it was last stable.
 
     Args:
-        policy: anything with Stable-Baselines3's `predict` (a plan's `OpenLoopPolicy`, an SB3
-            model), or a function from a batch of observations to a batch of actions.
+        policy: anything with Stable-Baselines3's `predict` (a plan's `OpenLoopPolicy`, an agent's
+            `AgentPolicy`, an SB3 model), or a function from a batch of observations to a batch of actions.
         env_id: id of the environment.
         protocol: name of the protocol.
         episodes: how many episodes.
@@ -58,6 +58,7 @@ def evaluate(
         UnknownNameError: for an unknown id, protocol or keyword argument.
         InvalidParameterError: for a bad number of episodes, or a policy that is none.
         PlanError: if the policy executes a plan for another id, robot or joints.
+        AgentError: if it executes an agent trained on another id, or on other observations.
     """
     check_name("environment", env_id, MOTIONS)
     if not (isinstance(episodes, int | np.integer) and episodes >= 1):
@@ -82,7 +83,7 @@ def evaluate(
     for lo in range(0, episodes, MAX_ROWS):
         seeds = list(range(seed + lo, seed + min(lo + MAX_ROWS, episodes)))
         envs = gym.make_vec(env_id, num_envs=len(seeds), **plant)
-        _check_fit(policy, env_id, envs.unwrapped.batch)  # type: ignore[attr-defined]
+        _check_fit(policy, env_id, envs)
         label = f"{protocol}, episodes {lo + 1} to {lo + len(seeds)} of {episodes}"
         pieces.append(_run_rows(envs, predict, seeds, label if progress else ""))
     joined: dict[str, Any] = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
@@ -100,10 +101,15 @@ def _predict_of(policy: Any) -> Predict:
     return lambda observation, state, episode_start, deterministic: (policy(observation), state)
 
 
-def _check_fit(policy: Any, env_id: str, batch: EpisodeBatch) -> None:
+def _check_fit(policy: Any, env_id: str, envs: Any) -> None:
+    """Let a policy that was made for one kind of environment look at this one."""
     plan: Any = getattr(policy, "plan", None)
+    agent: Any = getattr(policy, "agent", None)
     if hasattr(plan, "check_fits"):
+        batch: EpisodeBatch = envs.unwrapped.batch
         plan.check_fits(env_id, batch.robot.name, batch.config.posture)
+    if hasattr(agent, "check_fits"):
+        agent.check_fits(env_id, envs.single_observation_space, envs.single_action_space)
 
 
 def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict[str, np.ndarray]:

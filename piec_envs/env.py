@@ -100,13 +100,15 @@ class Interface:
         """Info of all rows at present."""
         return batch_info(self.batch)
 
-    def compute_reward(self, achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
-        """Reward of reaching `achieved` (..., 2) when `desired` (..., 2) was asked for."""
-        offset = np.asarray(achieved, dtype=float) - np.asarray(desired, dtype=float)
+    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any = None) -> Any:
+        """Reward of reaching `achieved_goal` (..., 2) when `desired_goal` (..., 2) was asked for."""
+        offset = np.asarray(achieved_goal, dtype=float) - np.asarray(desired_goal, dtype=float)
         square = offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]
         if self.mode == "dense":
-            return -REWARD_SCALE * self.batch.weights.task * square
-        return -(np.sqrt(square) > GOAL_RADIUS).astype(float)
+            reward = -REWARD_SCALE * self.batch.weights.task * square
+        else:
+            reward = -(np.sqrt(square) > GOAL_RADIUS).astype(float)
+        return float(reward) if np.ndim(reward) == 0 else reward
 
 
 def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls: np.ndarray | None) -> Rollout:
@@ -119,6 +121,9 @@ def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls
 
 class MotionEnv(gym.Env):
     """Base class of the single environments of motion; see the subclasses.
+
+    If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`: the reward of one
+    goal, or of a batch of them (for HER).
 
     Args:
         configure: makes the configuration of the other arguments.
@@ -147,6 +152,8 @@ class MotionEnv(gym.Env):
         self.render_mode, self._renderer = render_mode, Renderer(renderer)
         self.observation_space = self._interface.observation_space
         self.action_space = self._interface.action_space
+        if self._interface.mode:  # others have no such attribute, by which HER would take them for goal-conditioned
+            self.compute_reward = self._interface.compute_reward
         self._trail: list[np.ndarray] = []
 
     @property
@@ -214,11 +221,6 @@ class MotionEnv(gym.Env):
             InvalidParameterError: unless exactly one of path and controls is given.
         """
         return rollout(self._batch, state, path, controls)
-
-    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any = None) -> Any:
-        """Reward of a goal-conditioned env, for one goal or a batch of them (for HER)."""
-        reward = self._interface.compute_reward(achieved_goal, desired_goal)
-        return float(reward) if reward.ndim == 0 else reward
 
     def render(self) -> np.ndarray | None:
         """Draw the present state, shape (height, width, 3), uint8; None without a render mode."""

@@ -68,6 +68,10 @@ class PlanError(PiecError, ValueError):
     """A plan file that is broken or foreign, or a plan for another env."""
 
 
+class AgentError(PiecError, ValueError):
+    """A trained agent or its checkpoint that is missing, broken, foreign, or made for another env or training."""
+
+
 class WeightsError(PiecError, ValueError):
     """A weight file of a learned field that is missing, broken, or made for another robot."""
 

@@ -20,6 +20,8 @@ from piec_envs.rendering.renderer import Renderer
 class MotionVectorEnv(NativeVectorEnv):
     """B rows of one environment; for a whole-number seed, row i is bit-equal to the single env with seed + i.
 
+    If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`, for any number of goals.
+
     Args:
         configure: makes the configuration of the other arguments.
         num_envs: B.
@@ -48,6 +50,8 @@ class MotionVectorEnv(NativeVectorEnv):
         self._renderer = Renderer(renderer)
         interface = Interface(self._batch, dtype, render_mode)
         super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
+        if interface.mode:
+            self.compute_reward = interface.compute_reward
 
     @property
     def batch(self) -> EpisodeBatch:

@@ -15,6 +15,7 @@ from evaluation.bench.dynamics import mujoco_steps
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
 from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
+from evaluation.bench.learning import rollout_collection
 from evaluation.bench.planning import franka_plan, full_plans, static_caging
 from piec_envs.parallel import available_threads
 from piec_envs.versions import versions
@@ -38,6 +39,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "slowest steps": slowest_steps,
         "vector steps": vector_steps,
         "single step": single_step,
+        "rollouts of PPO": rollout_collection,
         "escape fields": escape_fields,
         "learned field": network_queries,
         "tabulated field": table_queries,

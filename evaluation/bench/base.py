@@ -35,6 +35,7 @@ class Sizes:
         table: nodes a side and spacing (rad) of a tabulated field.
         planner: arguments of `CmaEsPlanner` for a full plan.
         plans: how many are ranked with the planner's k and with k = 1.
+        action_repeats: control steps of an action, while a learner collects rollouts.
     """
 
     repeats: int = 5
@@ -50,6 +51,7 @@ class Sizes:
     table: tuple[int, float] = (101, 0.07)
     planner: tuple[tuple[str, Any], ...] = (("restarts", 1), ("robust_iterations", 0))
     plans: int = 50
+    action_repeats: tuple[int, ...] = (1, 10)
 
 
 QUICK = Sizes(
@@ -66,6 +68,7 @@ QUICK = Sizes(
     table=(33, 0.4),
     planner=(("restarts", 1), ("robust_iterations", 0), ("iterations", 2), ("population", 4), ("start", "rest")),
     plans=5,
+    action_repeats=(10,),
 )
 
 

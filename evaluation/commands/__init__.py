@@ -76,8 +76,11 @@ COMMANDS = {
         ),
         Command(
             "evaluate",
-            "execute plans under protocols, many times each",
-            ("piec evaluate runs/caging.npz --protocol disturbance-5mm adversary --episodes 100",),
+            "execute plans and agents under protocols, many times each",
+            (
+                "piec evaluate runs/caging.npz --protocol disturbance-5mm adversary --episodes 100",
+                "piec evaluate runs/caging.npz runs/train/quick/agent.zip --protocol nominal-start",
+            ),
             "evaluate",
         ),
         Command(
@@ -94,6 +97,15 @@ COMMANDS = {
                 "piec train-field --recipe pinn --seed 1 --set rounds=2 iterations=200 --out runs/quick",
             ),
             "train_field",
+        ),
+        Command(
+            "train",
+            "train an agent with Stable-Baselines3, or go on with a training that was stopped",
+            (
+                "piec train --algo ppo --env piec_envs/PlanarArmPush-v0",
+                "piec train --algo sac --steps 20000 --hyper n_envs=16 --set prior=contact --out runs/train/quick",
+            ),
+            "train",
         ),
         Command("bench", "measure speeds and write them to a file", ("piec bench", "piec bench --quick"), "bench"),
         Command(

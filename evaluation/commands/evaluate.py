@@ -1,4 +1,4 @@
-"""`piec evaluate`: execute plan files under protocols."""
+"""`piec evaluate`: execute plan and agent files under protocols."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from evaluation.commands import Report, settings
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("plans", nargs="+", type=Path, metavar="PLAN", help="plan files")
+    parser.add_argument("plans", nargs="+", type=Path, metavar="FILE", help="plans, and agents (.zip)")
     parser.add_argument("--protocol", nargs="+", default=["nominal"], help="names from `piec list` (default: nominal)")
     parser.add_argument("--episodes", type=int, default=100, help="rollouts under each protocol (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first rollout (default: %(default)s)")
-    parser.add_argument("--env", help="id of the environment (default: the plan's)")
+    parser.add_argument("--env", help="id of the environment (default: the file's)")
     parser.add_argument(
         "--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the plant, such as friction=0.2"
     )
@@ -27,20 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Report:
-    """Evaluate every plan under every protocol; what is recorded already is not run again."""
+    """Evaluate every file under every protocol; what is recorded already is not run again."""
     from evaluation.protocols import get_protocol
     from evaluation.records import RecordFile
     from evaluation.tables import markdown, write_table
-    from planners import Plan
 
     for protocol in args.protocol:
         get_protocol(protocol)
-    plans = {path: Plan.load(path) for path in args.plans}
+    made = {path: _load(path) for path in args.plans}
     results, rows = [], []
     with RecordFile(args.out / "records.jsonl") as file:
-        for path, plan in plans.items():
+        for path, loaded in made.items():
             for protocol in args.protocol:
-                result = _evaluate(file, path, plan, protocol, args)
+                result = _evaluate(file, path, loaded, protocol, args)
                 results.append({"plan": str(path), "protocol": protocol, **result})
                 rows.append(_row(path, protocol, result))
     title = "Evaluation"
@@ -49,18 +48,33 @@ def run(args: argparse.Namespace) -> Report:
 
 
 _NOTE = (
-    "n counts distinct executions; the interval is Wilson's, at 95 %, within one plan. "
+    "n counts distinct executions; the interval is Wilson's, at 95 %, within one plan or agent. "
     "Diverged executions, whose simulation became unstable, count as failed. "
     "d2g is the distance to the goal region at the end, mean ± standard deviation."
 )
 
 
-def _evaluate(file: Any, path: Path, plan: Any, protocol: str, args: argparse.Namespace) -> dict[str, Any]:
+def _load(path: Path) -> tuple[Any, Any]:
+    """The plan or the agent in a file, and the policy that executes it."""
+    if path.suffix == ".zip":
+        from planners.sb3 import Agent, AgentPolicy
+
+        agent = Agent.load(path)
+        return agent, AgentPolicy(agent)
+    from planners import OpenLoopPolicy, Plan
+
+    plan = Plan.load(path)
+    return plan, OpenLoopPolicy(plan)
+
+
+def _evaluate(
+    file: Any, path: Path, loaded: tuple[Any, Any], protocol: str, args: argparse.Namespace
+) -> dict[str, Any]:
     from evaluation import evaluate, summarise
     from evaluation.records import make_record, work_key
-    from planners import OpenLoopPolicy
 
-    env_id, plant = args.env or plan.env_id, {**plan.robot_kwargs, **settings(args.set)}
+    source, policy = loaded
+    env_id, plant = args.env or source.env_id, {**source.robot_kwargs, **settings(args.set)}
     spec = {
         "work": "evaluate-file",
         "plan_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -72,7 +86,6 @@ def _evaluate(file: Any, path: Path, plan: Any, protocol: str, args: argparse.Na
     key = work_key(spec, args.seed)
     if key not in file.records:
         begin = time.perf_counter()
-        policy = OpenLoopPolicy(plan)
         evaluation = evaluate(policy, env_id, protocol, args.episodes, args.seed, plant, progress=True)
         file.append(make_record(spec, args.seed, summarise(evaluation), time.perf_counter() - begin))
     return file.records[key]["result"]
@@ -83,7 +96,7 @@ def _row(path: Path, protocol: str, result: dict[str, Any]) -> dict[str, Any]:
     from evaluation.tables import Spread
 
     return {
-        "plan": path.stem,
+        "plan": f"{path.parent.name}/{path.stem}" if path.suffix == ".zip" else path.stem,  # all agents are agent.zip
         "protocol": protocol,
         "n": result["n"],
         "success": wilson_interval(result["successes"], result["n"]),

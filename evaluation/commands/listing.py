@@ -40,6 +40,7 @@ def _tables() -> dict[str, dict[str, str]]:
     from piec_envs.world.objects import OBJECTS
     from piec_envs.world.robots import ROBOTS
     from planners.objectives import OBJECTIVES
+    from planners.sb3.algorithms import ALGORITHMS
 
     return {
         "environments": {name: _summary(entry.entry_point) for name, entry in ENVS.items()},
@@ -52,6 +53,7 @@ def _tables() -> dict[str, dict[str, str]]:
         "priors": dict.fromkeys(PRIORS, ""),
         "presets": dict.fromkeys(PRESETS, ""),
         "objectives": {name: row.label for name, row in OBJECTIVES.items()},
+        "algorithms of train": {name: row.description for name, row in ALGORITHMS.items()},
         "protocols": {name: row.description for name, row in PROTOCOLS.items()},
         "studies": {name: row.description for name, row in STUDIES.items()},
         "engines": {name: row.description for name, row in ENGINES.items()},

@@ -1,0 +1,245 @@
+"""A trained agent, its file, and the policies that execute it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import piec_envs  # noqa: F401  registers the environments
+from piec_envs.errors import AgentError, InvalidActionError, PiecError
+from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs.versions import versions
+from planners.base import ROBOT_KWARGS, OpenLoopPolicy, realised_plan
+from planners.sb3.algorithms import get_algorithm
+from planners.sb3.normalisation import normalise
+from planners.sb3.spaces import check_spaces
+from planners.sb3.spec import TrainSpec
+
+FORMAT = "piec-agent-1"
+LEARNERS = ("stable-baselines3", "sb3-contrib", "torch")
+# What the nominal model has not: noise, and what only the interface of the training saw.
+NOT_NOMINAL = (
+    "start_noise", "disturbance", "disturbance_kind", "adversary", "randomize", "action_repeat", "goal_conditioned",
+    "threads", "max_episode_steps",
+)  # fmt: skip
+# Only learning needs these; schedules are functions, and buffers are large.
+UNNEEDED: dict[str, Any] = {
+    "learning_rate": 0.0, "lr_schedule": None, "clip_range": 0.0, "buffer_size": 1, "replay_buffer_class": None,
+    "replay_buffer_kwargs": {}, "_last_obs": None, "_last_original_obs": None, "ep_info_buffer": None,
+}  # fmt: skip
+_META = ("horizon", "spaces", "normalisation", "steps", "seconds", "evaluation", "versions")
+
+
+def learner_versions() -> dict[str, str]:
+    """Versions of the engine and of what learns."""
+    return {**versions(), **{name: metadata.version(name) for name in LEARNERS}}
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's content."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Agent:
+    """A trained agent.
+
+    Args:
+        spec: the training it comes from.
+        model: of Stable-Baselines3.
+        horizon: steps of the task's episode.
+        spaces: "observation" and "action" space, as `spaces.described` gives them.
+        normalisation: statistics by which observations were normalised; None if they were not.
+        steps: of the environment that it was trained for.
+        seconds: of training.
+        evaluation: of this very agent, as training measured it.
+        versions: of the engine and of what learns.
+    """
+
+    spec: TrainSpec
+    model: Any
+    horizon: int
+    spaces: dict[str, Any]
+    normalisation: dict[str, Any] | None
+    steps: int
+    seconds: float
+    evaluation: dict[str, Any]
+    versions: dict[str, str] = field(default_factory=learner_versions)
+
+    @property
+    def env_id(self) -> str:
+        """Id of the environment it was trained on."""
+        return self.spec.env_id
+
+    @property
+    def action_repeat(self) -> int:
+        """Control steps that one of its actions lasts."""
+        return int(self.spec.env_kwargs.get("action_repeat", 1))
+
+    @property
+    def robot_kwargs(self) -> dict[str, Any]:
+        """Those of its keyword arguments that an environment must share: which robot, which start, what is observed."""
+        names = (*ROBOT_KWARGS, "goal_conditioned")
+        return {name: self.spec.env_kwargs[name] for name in names if name in self.spec.env_kwargs}
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """Write SB3's zip file, and beside it the JSON file that describes it, each under a temporary name first.
+
+        Raises:
+            AgentError: unless the name ends with .zip.
+        """
+        target = Path(path)
+        if target.suffix != ".zip":
+            raise AgentError(f"an agent's file ends with .zip, got {path}")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(target) as file:
+            self.model.save(file)
+        about = {name: getattr(self, name) for name in _META}
+        about |= {"format": FORMAT, "spec": self.spec.as_json(), "sha256": file_hash(target)}
+        with replacing(target.with_suffix(".json")) as file:
+            file.write((json.dumps(about, indent=1) + "\n").encode())
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Agent:
+        """Read an agent. SB3's file holds pickled objects: load only agents of people you trust.
+
+        Raises:
+            AgentError: if a file is missing, broken or foreign, or the two do not belong together.
+            MissingDependencyError: if a package of the extra `rl` is missing.
+        """
+        target = Path(path)
+        try:
+            about = json.loads(target.with_suffix(".json").read_text(encoding="utf-8"))
+            if about["format"] != FORMAT:
+                raise AgentError(f"{target} has format {about['format']!r}, but {FORMAT!r} is needed")
+            spec, found = TrainSpec(**about["spec"]), file_hash(target)
+            if found != about["sha256"]:
+                raise AgentError(
+                    f"{target} is not the file that its description was written for, or is broken: "
+                    f"SHA-256 {found[:16]}..., not {about['sha256'][:16]}..."
+                )
+            # Only now, since this unpickles.
+            model = get_algorithm(spec.algo).load(target, device="cpu", custom_objects=UNNEEDED)
+            return cls(spec=spec, model=model, **{name: about[name] for name in _META})
+        except PiecError:
+            raise
+        except (*BROKEN_FILE, AttributeError, AssertionError) as error:
+            raise AgentError(f"{target} is no agent with its description (.json), or is broken: {error}") from error
+
+    def check_fits(self, env_id: str, observation_space: Any, action_space: Any) -> None:
+        """Refuse an environment that this agent was not trained for.
+
+        Args:
+            env_id: its id.
+            observation_space: of one row.
+            action_space: of one row.
+
+        Raises:
+            AgentError: if the id or a space differs.
+        """
+        if env_id != self.env_id:
+            raise AgentError(f"this agent was trained on {self.env_id!r}, not on {env_id!r}")
+        check_spaces("this agent", self.spaces["observation"], observation_space, "observation")
+        check_spaces("this agent", self.spaces["action"], action_space, "action")
+
+
+class AgentPolicy:
+    """Executes an agent closed loop, one control step at a time.
+
+    An agent that was trained with `action_repeat` decides on every k-th step alone, and its action is held
+    between; `state` is the action held.
+
+    Args:
+        agent: the agent.
+    """
+
+    def __init__(self, agent: Agent):
+        self.agent = agent
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[np.ndarray, Any]:
+        """Actions for one observation or a batch, with Stable-Baselines3's signature.
+
+        Args:
+            observation: array or dict of arrays from an environment without `action_repeat`.
+            state: the actions held, None at first.
+            episode_start: which rows begin an episode, and so hold nothing.
+            deterministic: whether to take the mode of the agent's distribution.
+
+        Returns:
+            Actions in [-1, 1], shape (..., n), and the state for the next call.
+
+        Raises:
+            InvalidActionError: for an observation of another size.
+        """
+        parts = dict(observation) if isinstance(observation, Mapping) else {"": observation}
+        self._check_sizes({name: np.shape(part)[-1] for name, part in parts.items()})
+        flat = np.asarray(parts.get("observation", parts.get("")))
+        now = np.rint(flat[..., -1] * self.agent.horizon).astype(int)
+        fresh = now % self.agent.action_repeat == 0  # (...,)
+        if episode_start is not None:
+            fresh = fresh | np.reshape(episode_start, fresh.shape)
+        if state is None:
+            fresh = np.ones_like(fresh)
+        if not fresh.any():
+            return state, state
+        action, _ = self.agent.model.predict(
+            normalise(observation, self.agent.normalisation), deterministic=deterministic
+        )
+        if state is not None:
+            action = np.where(fresh[..., None], action, state)
+        return action, action
+
+    def _check_sizes(self, given: dict[str, int]) -> None:
+        expected = {name: len(bounds["low"]) for name, bounds in self.agent.spaces["observation"].items()}
+        if given != expected:
+            wanted, got = (", ".join(f"{n} {k}".strip() for n, k in sizes.items()) for sizes in (expected, given))
+            raise InvalidActionError(f"this agent wants observations of {wanted} entries, got {got}")
+
+
+def open_loop(agent: Agent) -> OpenLoopPolicy:
+    """The agent's nominal episode, executed blindly: the same for every row and seed.
+
+    The agent acts once on the nominal model, from the task's own start and without noise. The joint path that
+    this episode realises becomes a plan, exactly as the path that CMA-ES finds does, and is executed by the
+    same policy: open loop in the object, absolute in the joints. What is left to compare is which motion was
+    found, and not who could see.
+
+    Args:
+        agent: the agent.
+
+    Returns:
+        The policy; its `plan` may be saved.
+
+    Raises:
+        AgentError: if the environment is no longer the one that the agent was trained on.
+    """
+    trained = agent.spec.env_kwargs
+    nominal = {name: value for name, value in trained.items() if name not in NOT_NOMINAL}
+    seen = {name: trained[name] for name in ("goal_conditioned",) if name in trained}
+    env: Any = gym.make(agent.env_id, disable_env_checker=True, **nominal, **seen).unwrapped
+    agent.check_fits(agent.env_id, env.observation_space, env.action_space)
+    observation, _ = env.reset(seed=0)
+    start, policy, held, commands = env.get_state(), AgentPolicy(agent), None, []
+    for _ in range(agent.horizon):
+        action, held = policy.predict(observation, state=held)
+        observation, *_ = env.step(action)
+        commands.append(env.batch.state.q_cmd[0].copy())
+    path = np.array(commands)
+    plan = realised_plan(
+        env.batch, start, path, env_id=agent.env_id, env_kwargs=nominal, via_points=path[-1:],
+        objective=agent.spec.algo, preset=env.batch.config.preset, seed=agent.spec.seed,
+    )  # fmt: skip
+    return OpenLoopPolicy(plan)
