@@ -11,7 +11,7 @@ from piec_envs.dynamics.base import Commands, Motion, Plant
 from piec_envs.dynamics.table import DynamicsByRow
 from piec_envs.episodes.caging import advance_escape, refresh_escape
 from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.disturbance import draw_disturbance
+from piec_envs.episodes.disturbance import draw_disturbance, next_displacements
 from piec_envs.episodes.observation import observation_layout, observe_rows
 from piec_envs.episodes.rollout import Rollout, join_motions
 from piec_envs.episodes.start import StartSampler
@@ -244,7 +244,7 @@ class EpisodeBatch:
             The motion, its measures (B, N + 1, len(MEASURES)), and its escape times (B, N + 1), s.
         """
         steps = values.shape[1]
-        displacement = self._displacement(state, steps, noise, flees)
+        displacement = next_displacements(state, steps, noise, flees)
         motion = self.dynamics.rollout(
             state.q_r, state.q_cmd, state.pose, Commands(values, absolute, displacement), plant, state.memory
         )
@@ -260,17 +260,6 @@ class EpisodeBatch:
             for t in range(1, steps + 1):  # one at a time, as stepping does, to be bit-equal to it
                 state.error_sum = state.error_sum + measures[:, t, MEASURES.index("tracking_error")]
         return motion, measures, times
-
-    def _displacement(self, state, steps, noise, flees) -> np.ndarray | None:
-        """The object's free displacement in the next steps, shape (B, steps, 2), m."""
-        if noise is None and not np.count_nonzero(flees):
-            return None
-        drift = np.where(flees[:, None] > 0, state.drift, 0.0)  # a calm object may still hold an old drift
-        displacement = np.repeat(drift[:, None], steps, axis=1)
-        if noise is not None:
-            when = (state.step[:, None] + np.arange(steps)) % self.task.horizon  # (B, steps)
-            displacement = displacement + noise[np.arange(state.rows)[:, None], when]
-        return displacement
 
     # --- what is measured --------------------------------------------------------------------
 

@@ -32,3 +32,25 @@ def draw_disturbance(state: State, horizon: int) -> np.ndarray | None:
             angle = rng.uniform(-np.pi, np.pi, horizon)
             noise[i] = params.disturbance * np.column_stack([np.cos(angle), np.sin(angle)])
     return noise
+
+
+def next_displacements(state: State, steps: int, noise: np.ndarray | None, flees: np.ndarray) -> np.ndarray | None:
+    """The object's free displacement in the next steps.
+
+    Args:
+        state: B rows.
+        steps: how many.
+        noise: from `draw_disturbance`.
+        flees: speed of an object that flees, as a fraction of u_bar, shape (B,).
+
+    Returns:
+        Shape (B, steps, 2), m; None where nothing moves by itself.
+    """
+    if noise is None and not np.count_nonzero(flees):
+        return None
+    drift = np.where(flees[:, None] > 0, state.drift, 0.0)  # a calm object may still hold an old drift
+    displacement = np.repeat(drift[:, None], steps, axis=1)
+    if noise is not None:
+        when = (state.step[:, None] + np.arange(steps)) % noise.shape[1]  # (B, steps)
+        displacement = displacement + noise[np.arange(state.rows)[:, None], when]
+    return displacement

@@ -264,43 +264,6 @@ def test_compute_reward_is_vectorised_and_equals_the_step():
         np.testing.assert_array_equal(many, [reward, 0.0])
 
 
-REPEATED = [
-    ("piec_envs/PlanarArmPush-v0", NOISY),
-    ("piec_envs/PlanarArmPush-v0", {"goal_conditioned": True, "escape_every": 3}),
-    ("piec_envs/PlanarArmPush-v0", {"dynamics": "mujoco", "escape_field": None, "disturbance": 0.005}),
-    ("piec_envs/MobileFrankaTrack-v0", {"geometry": "capsules", "escape_field": None}),
-]
-
-
-@pytest.mark.parametrize(("env_id", "choice"), REPEATED, ids=str)
-def test_a_repeated_action_is_that_many_steps(env_id, choice):
-    repeat = 8
-    held, plain = gym.make(env_id, action_repeat=repeat, **choice), gym.make(env_id, **choice)
-    assert same(held.reset(seed=3)[0], plain.reset(seed=3)[0])
-    rng = np.random.default_rng(1)
-    for _ in range(6):
-        action = rng.uniform(-1, 1, held.action_space.shape)
-        observation, reward, _, _, info = held.step(action)
-        steps = [plain.step(action) for _ in range(repeat)]
-        assert same(observation, steps[-1][0]) and same(info, steps[-1][4])
-        rewards = [step[1] for step in steps]
-        assert reward == pytest.approx(rewards[-1] if choice.get("goal_conditioned") else sum(rewards), rel=1e-12)
-
-
-def test_repeated_actions_end_at_the_horizon():
-    choice = {"action_repeat": 125, "escape_field": None}
-    env, envs = gym.make(FULL, **choice), gym.make_vec(FULL, num_envs=2, **choice)
-    env.reset(seed=0)
-    envs.reset(seed=0)
-    for action in range(1, 9):
-        *_, truncated, _ = env.step(np.zeros(4))
-        cut = envs.step(np.zeros((2, 4)))[3]
-        assert truncated == (action == 8) and (cut == truncated).all()
-    envs.set_state(envs.get_state())
-    observation, _, _, cut, _ = envs.step(np.zeros((2, 4)))  # the step after the end begins anew
-    assert not cut.any() and (observation[:, -1] == 0).all()
-
-
 def test_tracking_success_needs_the_path_and_its_end():
     env = gym.make("piec_envs/PlanarArmTrack-v0", escape_field=None).unwrapped
     goal = [*env.batch.task.goal, 0.0]
