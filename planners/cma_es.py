@@ -91,6 +91,14 @@ class CmaEsPlanner:
         if self.robust_points > self.via_points:
             raise InvalidParameterError(f"robust_points must be 1 to {self.via_points}, got {self.robust_points}")
 
+    @property
+    def rollouts(self) -> int:
+        """Trajectories that the searches simulate, disturbed ones included."""
+        screening = min(self.screening, self.iterations) if self.restarts > self.survivors else 0
+        kept = min(self.survivors, self.restarts) * (self.iterations - screening)
+        nominal = self.restarts * screening + kept
+        return self.population * (nominal + self.robust_iterations * (1 + self.robust_samples))
+
     def plan(self, env_id: str, seed: int = 0, progress: bool = True, **env_kwargs: Any) -> Plan:
         """Plan for an environment.
 

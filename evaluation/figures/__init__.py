@@ -4,6 +4,7 @@ from evaluation.figures.animation import animate_rollouts
 from evaluation.figures.base import MODES, Mode, Trajectory
 from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
 from evaluation.figures.fields import RelativeError, error_map, field_comparison
+from evaluation.figures.learning import learning_curves, success_matrix
 from evaluation.figures.mismatch import Executed, mismatch_paths, shape_mismatches
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
 from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, posture_scenes, value_dots
@@ -32,6 +33,7 @@ __all__ = [
     "field_strip",
     "final_distances",
     "keyframes",
+    "learning_curves",
     "mismatch_paths",
     "over_time",
     "overview",
@@ -42,6 +44,7 @@ __all__ = [
     "robustness",
     "shape_mismatches",
     "space_keyframes",
+    "success_matrix",
     "tradeoff",
     "trajectories",
     "transfer_paths",

@@ -118,6 +118,11 @@ STUDIES = {
             "evaluation.studies.sim_to_real",
             "plans of a simple model on a detailed plant in MuJoCo (paper, section 7.3)",
         ),
+        Study(
+            "rl-comparison",
+            "evaluation.studies.rl_comparison",
+            "planning against learning, closed and open loop, on nominal and mismatched plants",
+        ),
     )
 }
 

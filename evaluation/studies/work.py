@@ -1,6 +1,6 @@
-"""The two pieces of work that studies are made of: plan once, and evaluate a plan once.
+"""The pieces of work that studies are made of: plan (or train) once, and evaluate a plan (or an agent) once.
 
-Both are called by name in workers (`evaluation.jobs`). Plans are cached as files whose names end in
+All are called by name in workers (`evaluation.jobs`). Plans are cached as files whose names end in
 the key of what they were planned for, so that studies share them; evaluations leave thinned arrays
 for the figures. A file that is missing or broken is made again, with the same result.
 """
@@ -21,6 +21,7 @@ from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol
 from evaluation.records import work_key
 from evaluation.rollout import NOT_IN_SPEC, evaluate
+from evaluation.studies.agent_work import agent_policy, train_once
 from piec_envs.errors import PlanError, RecordError, check_name
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import crossing
@@ -98,14 +99,20 @@ def get_plan(spec: Mapping[str, Any], seed: int, context: Context) -> Plan:
     return plan
 
 
+def get_policy(spec: Mapping[str, Any], seed: int, context: Context) -> Any:
+    """The policy that an evaluation executes: a plan's, or a trained agent's."""
+    if spec["plan"]["work"] == "train":
+        return agent_policy(spec, seed, context)
+    return OpenLoopPolicy(get_plan(spec["plan"], seed, context))
+
+
 def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
     """An evaluation at full time resolution; its thinned arrays are left as a file.
 
     Episode i has the seed 1000 * seed + i: independent from plan to plan, alike for every objective.
     """
-    plan = get_plan(spec["plan"], seed, context)
     plant = {**spec["env_kwargs"], "threads": context.threads}
-    policy, env_id = OpenLoopPolicy(plan), spec["plan"]["env_id"]
+    policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
     evaluation = evaluate(policy, env_id, spec["protocol"], spec["episodes"], 1000 * seed, plant, context.progress)
     every = KEEP_EVERY if evaluation.episodes > 1 else 1
     evaluation.save(rollout_file(context.folder, spec, seed), every)
@@ -165,11 +172,11 @@ def evaluate_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str
 def _unperturbed(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
     """The twin's executions with the same seeds; without an escape field, which the motion does not need."""
     plant = {**spec["env_kwargs"], "threads": context.threads, "escape_field": None}
-    policy, env_id = OpenLoopPolicy(get_plan(spec["plan"], seed, context)), spec["plan"]["env_id"]
+    policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
     protocol = get_protocol(spec["protocol"]).unperturbed
     return evaluate(policy, env_id, protocol, spec["episodes"], 1000 * seed, plant)
 
 
 def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Do whichever of the two the spec names."""
-    return {"plan": plan_once, "evaluate": evaluate_once}[spec["work"]](spec, seed, context)
+    """Do whichever of the three the spec names."""
+    return {"plan": plan_once, "train": train_once, "evaluate": evaluate_once}[spec["work"]](spec, seed, context)

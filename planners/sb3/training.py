@@ -70,6 +70,11 @@ def train(spec: TrainSpec, folder: str | os.PathLike, progress: bool = True) -> 
     return training.run(progress)
 
 
+def read_curve(folder: str | os.PathLike) -> list[dict[str, Any]]:
+    """The evaluations of a training so far: steps, seconds, and what `score` gives."""
+    return [json.loads(line) for line in (Path(folder) / CURVE).read_text(encoding="utf-8").splitlines()]
+
+
 def score(model: Any, venv: NativeVecEnv) -> dict[str, float]:
     """Evaluate a model for one episode in each row, always from the same starts.
 
