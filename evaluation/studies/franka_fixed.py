@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
-from evaluation.studies.contact_methods import SMALL_TABLE, MethodSettings, Printed, compare_methods
+from evaluation.studies.contact_methods import CONTROLS, SMALL_TABLE, MethodSettings, Printed, compare_methods
 
 ENV = "piec_envs/FrankaPush-v0"
 MISMATCHES = {
@@ -42,7 +42,7 @@ PLANNER: Mapping[str, Any] = {
 class Settings(MethodSettings):
     """All knobs of the study; see `MethodSettings`."""
 
-    controls: tuple[str, ...] = ("WAContact, caged start", "WACaging, paper")
+    controls: tuple[str, ...] = (*CONTROLS, "WAContact, paper", "WACaging, paper")
     mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)
     planner: Mapping[str, Any] = field(default_factory=lambda: PLANNER)
 
