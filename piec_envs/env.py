@@ -249,7 +249,8 @@ class PlanarArmPushEnv(MotionEnv):
     `goal_conditioned`, a dict with "achieved_goal" and "desired_goal" (2 each) beside it.
 
     **Reward.** Minus 0.001 times the planner's stage cost w_task |goal - object|^2 + w_command |u|^2
-    + w_prior c_prior; with `goal_conditioned`, -(d2g > 0), or minus the task term alone for "dense".
+    + w_prior c_prior, to which the last step adds w_miss d2g; with `goal_conditioned`, -(d2g > 0), or
+    minus the task term alone for "dense".
 
     **Start.** Arm straight along x, object at (0.55, 0.25) m, drawn with `start_noise`. Options of
     `reset`: "params" (plant parameters) and "state" (a `State`, or a dict of q_r, q_cmd, pose, step).

@@ -20,8 +20,7 @@ from piec_envs.world.scene import pack_scene
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
-MISS_WEIGHT = 1e5  # per metre by which a run ends outside the goal region, ...
-MISS_MARGIN = 0.02  # m, ... and for disturbed runs outside a region smaller by this much
+MISS_MARGIN = 0.02  # m; disturbed runs are to end in a region smaller by this much
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ class PathCost:
         )
 
     def nominal(self, path: np.ndarray) -> np.ndarray:
-        """Summed stage cost of each path without noise, and the penalties.
+        """Summed stage cost of each path without noise, and the penalty on links that cross.
 
         Args:
             path: absolute joint positions, shape (B, N, n).
@@ -127,7 +126,7 @@ class PathCost:
             Shape (B,).
         """
         rollout = self._run(path)
-        return rollout.cost + self._penalties(rollout)
+        return rollout.cost + self._crossed(rollout)
 
     def disturbed(self, path: np.ndarray, samples: State) -> np.ndarray:
         """The nominal cost with its task term averaged over disturbed runs, and a penalty on their misses.
@@ -153,13 +152,12 @@ class PathCost:
         task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)
         excess = (nominal + task) / (1 + count) - nominal
         beyond = noisy.column("goal_distance")[:, -1].reshape(rows, count) - (GOAL_RADIUS - MISS_MARGIN)
-        miss = MISS_WEIGHT * np.maximum(0.0, beyond).mean(axis=1)
-        return rollout.cost + self.batch.weights.task * excess + miss + self._penalties(rollout)
+        miss = self.batch.weights.miss * np.maximum(0.0, beyond).mean(axis=1)
+        return rollout.cost + self.batch.weights.task * excess + miss + self._crossed(rollout)
 
     def _run(self, path: np.ndarray) -> Rollout:
         return self.batch.rollout(self.start, path, absolute=True)
 
-    def _penalties(self, rollout: Rollout) -> np.ndarray:
-        """For links that cross each other, and for an end outside the goal region, shape (B,)."""
-        crossed = crossing(self.batch, rollout.motion.q_r[:, 1:])
-        return CROSSING_WEIGHT * crossed + MISS_WEIGHT * rollout.column("d2g")[:, -1]
+    def _crossed(self, rollout: Rollout) -> np.ndarray:
+        """Penalty on links that cross each other, shape (B,)."""
+        return CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])

@@ -272,7 +272,7 @@ class EpisodeBatch:
         measures = np.empty((batch, times, len(MEASURES)))
         run_rows(
             measure_rows, batch, self._threads(batch * times), self._prior, self.weights,
-            self.task.goal, self.task.reference, self.scene.speed_limit, first_step,
+            self.task.goal, self.task.reference, self.task.horizon, self.scene.speed_limit, first_step,
             motion.pose, motion.link_distance, motion.actions, caging, measures,
         )  # fmt: skip
         return measures

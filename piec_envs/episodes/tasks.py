@@ -34,7 +34,7 @@ PRIORS = ("caging", "contact", "proximity")
 
 
 class CostWeights(NamedTuple):
-    """Weights of the stage cost w_task c_task + w_command |u|^2 + w_prior c_prior.
+    """Weights of the stage cost w_task c_task + w_command |u|^2 + w_prior c_prior; the last step adds w_miss d2g.
 
     Args:
         task: weight of the task term (squared distance to the goal, or distance to the reference).
@@ -43,6 +43,7 @@ class CostWeights(NamedTuple):
         saturation: caging above this value pays a tenth.
         shortest: whether tracking takes the distance to the nearest point of the reference, as the
             paper does, instead of to the point of this time.
+        miss: weight of the distance to the goal region at the end of an episode.
     """
 
     task: float = 2e3
@@ -50,6 +51,7 @@ class CostWeights(NamedTuple):
     prior: float = 1e2
     saturation: float = 1.0
     shortest: bool = False
+    miss: float = 1e5
 
 
 # For each preset, the weights of each kind of task. The paper writes w_track = lambda w_cage; lambda = 100 here.
@@ -147,7 +149,7 @@ def get_task(name: str) -> Task:
 
 @batch_kernel
 def measure_rows(
-    lo, hi, prior, weights, goal, reference, speed_limit, first_step, pose, distance, actions, caging, measures
+    lo, hi, prior, weights, goal, reference, horizon, speed_limit, first_step, pose, distance, actions, caging, measures
 ):
     """Distances and stage-cost terms of every state of a motion.
 
@@ -157,6 +159,7 @@ def measure_rows(
         weights: a `CostWeights`.
         goal: shape (2,), m.
         reference: shape (M, 2), m; no rows for a goal task.
+        horizon: time index of the last state.
         speed_limit: shape (n,).
         first_step: time index of the first state, shape (B,).
         pose: shape (B, T, 3).
@@ -202,3 +205,5 @@ def measure_rows(
             row[2], row[3], row[4], row[5] = nearest, total / links, max(0.0, -nearest), error
             row[6], row[7], row[8] = task, command, hint
             row[9] = weights.task * task + weights.command * command + weights.prior * hint
+            if first_step[i] + t == horizon:
+                row[9] += weights.miss * row[1]

@@ -87,6 +87,29 @@ def test_rollout_equals_stepping(env_id, choice, dynamics):
             assert info["goal_distance"] == rollout.column("goal_distance")[i, t + 1]
 
 
+@pytest.mark.parametrize("env_id", MOTIONS)
+def test_the_last_step_alone_charges_the_distance_to_the_goal_region(env_id):
+    """What planners minimise and agents are rewarded for is one sum, and the way of counting does not matter."""
+    choice = {"escape_field": None, "prior": "contact"}
+    env, held = gym.make(env_id, **choice).unwrapped, gym.make(env_id, action_repeat=4, **choice).unwrapped
+    env.reset(seed=0)
+    state, weights, (n,) = env.get_state(), env.batch.weights, env.action_space.shape
+    state.step[:] = env.batch.task.horizon - 4
+    rollout = env.rollout(state, controls=np.zeros((1, 4, n)))
+    env.set_state(state)
+    rewards = []
+    for left in (3, 2, 1, 0):
+        _, reward, _, _, info = env.step(np.zeros(n))
+        stage = weights.task * info["cost_task"] + weights.command * info["cost_command"]
+        stage += weights.prior * info["cost_prior"] + (weights.miss * info["d2g"] if left == 0 else 0.0)
+        assert info["d2g"] > 0.1 and -1e3 * reward == pytest.approx(stage, rel=1e-12)
+        rewards.append(reward)
+    held.reset(seed=0)
+    held.set_state(state)
+    assert held.step(np.zeros(n))[1] == pytest.approx(sum(rewards), rel=1e-12)
+    assert rollout.cost[0] == pytest.approx(-1e3 * sum(rewards), rel=1e-12)
+
+
 def test_a_state_may_go_on_under_another_dynamics():
     """The new one begins at rest where the old one left joints and object."""
     env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None, object="square").unwrapped

@@ -16,7 +16,7 @@ from piec_envs.escape.field import make_field
 from planners import CmaEsPlanner
 from planners.cma_es import disturbed_samples
 from planners.configuration import REACHABLE, enclosing_posture
-from planners.objectives import MISS_MARGIN, MISS_WEIGHT, OBJECTIVES, PathCost, crossing
+from planners.objectives import MISS_MARGIN, OBJECTIVES, PathCost, crossing
 from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory
 
@@ -66,7 +66,7 @@ def test_disturbed_cost_without_disturbance_is_the_nominal_one_but_for_the_margi
     cost = PathCost(batch, batch.state)
     path = np.linspace(0, 1, 1000)[None, :, None] * np.array([-1.5, 0.5, 0.5, 0.5])  # touches nothing
     end = batch.rollout(batch.state, path, absolute=True).column("goal_distance")[0, -1]
-    margin = MISS_WEIGHT * (end - (GOAL_RADIUS - MISS_MARGIN))
+    margin = batch.weights.miss * (end - (GOAL_RADIUS - MISS_MARGIN))
     np.testing.assert_allclose(cost.disturbed(path, batch.state), cost.nominal(path) + margin, rtol=1e-9)
 
 
