@@ -65,9 +65,11 @@ METHOD_NOTES = """\
 Point and Link touch the object with a sphere at the fingertips and with the last link and the gripper, the others
 with the whole arm. Each starts from its own solution of the static problem (study `franka-starts`): the best cage
 that its contact geometry makes; WAContact, whose prior any touching posture satisfies, from `open`, elbow and wrist
-at right angles, which touches and does not close. Controls change one thing: the start posture; or weights and budget
-("paper": the paper's, from a caged start); or the planner: `rigid-carry` carries the caged start posture to the goal
-in a straight line and optimises nothing, so that its plans are one and the same."""
+at right angles, which touches and does not close. Controls change one thing: the start posture, or weights and budget
+("paper": the paper's, from a caged start)."""
+CARRY_NOTES = """\
+Of the controls `rigid-carry` has another planner: it carries the caged start posture to the goal in a straight line
+and optimises nothing, so that its plans are one and the same."""
 
 
 @dataclass(frozen=True)
@@ -129,12 +131,13 @@ def compare_methods(settings: MethodSettings, env_id: str, study: StudyRun, prin
     noisy, results = study.evaluate(cases, settings.noise), evaluate_all(study, cases, columns)
     disturbed, mismatch = disturbed_rows(cases, plans, noisy, printed.noise), mismatch_rows(cases, results, columns)
     usage, folder = usage_rows(study, cases, results["nominal"]), study.out_dir
+    methods = f"{METHOD_NOTES}\n\n{CARRY_NOTES}" if CARRY in settings.controls else METHOD_NOTES
     for row in printed_rows(printed, columns):
         last = max(k for k, other in enumerate(mismatch) if other["method"] == row["method"])
         mismatch.insert(last + 1, row)
     return [
-        *write_table(folder, disturbed, "Pushing under displacements", f"{NOISE_NOTES}\n\n{METHOD_NOTES}"),
-        *write_table(folder, mismatch, "Pushing on other plants", f"{MISMATCH_NOTES}\n\n{METHOD_NOTES}", "mismatch"),
+        *write_table(folder, disturbed, "Pushing under displacements", f"{NOISE_NOTES}\n\n{methods}"),
+        *write_table(folder, mismatch, "Pushing on other plants", f"{MISMATCH_NOTES}\n\n{methods}", "mismatch"),
         *write_table(folder, usage, "How the arm is used", USAGE_NOTES, "usage"),
         *draw_methods(study, main, settings.noise, settings.mismatches),
     ]
