@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import copy
 import inspect
 from collections.abc import Mapping
 from importlib import resources
@@ -106,7 +107,8 @@ def model_arguments(spec: TrainSpec) -> dict[str, Any]:
         UnknownNameError: for an argument that the algorithm does not have.
         InvalidParameterError: for text that is no schedule and no literal.
     """
-    arguments = {"policy": "MlpPolicy", "device": "cpu", **spec.hyper}
+    # A copy, since SB3 writes into `policy_kwargs`, and a spec that changes is another training.
+    arguments = {"policy": "MlpPolicy", "device": "cpu", **copy.deepcopy(dict(spec.hyper))}
     arguments.pop("normalize", None)
     known = [name for name in inspect.signature(get_algorithm(spec.algo)).parameters if name not in OWN]
     for name, value in arguments.items():

@@ -163,6 +163,14 @@ def test_an_interrupted_training_goes_on(algo, interrupt, monkeypatch, tmp_path)
         assert agent.model._total_timesteps == 200 and agent.model.policy.optimizer.param_groups[0]["lr"] == 0.0
 
 
+def test_a_training_leaves_its_spec_as_it_was(tmp_path):
+    """SB3 writes into nested arguments, and with another spec no training would go on."""
+    hyper = {**OFF, "policy_kwargs": {"net_arch": [8]}}
+    spec = TrainSpec(PUSH, "sac", 10, n_envs=2, env_kwargs=ENV, hyper=hyper, evaluations=1, eval_episodes=1)
+    train(spec, tmp_path, progress=False)
+    assert spec.hyper == hyper and json.loads((tmp_path / "spec.json").read_text())["hyper"] == hyper
+
+
 def test_a_killed_process_goes_on(tmp_path):
     spec = dataclasses.replace(SPECS["ppo"], timesteps=2000, evaluations=20)
     command = [sys.executable, "-c", KILLED, json.dumps(spec.as_json()), str(tmp_path)]
