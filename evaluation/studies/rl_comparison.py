@@ -53,8 +53,8 @@ n counts distinct executions in each column: plans (or agents) x executions, fro
 rad. Success: mean over plans with a bootstrap over them, or Wilson's interval within one agent, at 95 %. Millimetres:
 the object is displaced by this sigma for each axis in every step of 0.1 s. Combined: MuJoCo, the square, friction 0.25
 and 5 mm at once. Steps: simulated control steps of 0.1 s that a plan or an agent took to obtain, and minutes the time,
-means, each on one core. Agents are the best of those evaluated during their training. Closed:
-the agent sees the object once a second; open: the joint path of its nominal episode is executed blindly, as a plan's.
+means, on one core beside other jobs. Agents are the best of those evaluated during their training. Closed: the agent
+sees the object once a second; open: the joint path of its nominal episode is executed blindly, as a plan's.
 Planners and agents optimise the same stage cost; "no caging" leaves its last term out, "randomised" draws friction (0.1
 to 0.9), object (circle, octagon, hexagon, square) and displacements (0 to 5 mm) in each episode of the training, and
 charges the distance to the goal region at the end twice. Planners polish their plans under noise of their own."""
