@@ -76,10 +76,11 @@ def learning_curves(
                     steps, [1e3 * entry["d2g"] for entry in curve], label=label if number == 0 else None, **style
                 )
         left.set_ylabel("success from drawn starts [%]")
+        right.set_yscale("symlog", linthresh=10)
         right.set_ylabel("distance to the goal region [mm]")
         for ax in (left, right):
             ax.set_xlabel("control steps [million]")
             ax.set_ylim(bottom=0)
-            ax.set_xlim(left=0)
+            ax.set_xscale("log")  # off-policy learners take a tenth of the steps
         figure.legend(loc="outside lower center", ncols=min(len(curves), 5))
     return Path(path)
