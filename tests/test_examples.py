@@ -12,8 +12,6 @@ import pytest
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 OPTIONS = {"carry_with_a_mobile_franka.py": ("--geometry", "capsules")}
-
-
 LEARNING = "train_an_agent.py"  # needs the extra `rl`
 
 

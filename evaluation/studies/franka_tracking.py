@@ -68,7 +68,7 @@ class Settings:
         ratios: lambda, the weight of the tracking error over that of the caging.
         sides: the arcs.
         postures: keys of POSTURES.
-        planner_seeds: one plan of each ratio and arc for each.
+        planner_seeds: one plan of each ratio, arc and posture for each.
         noise: protocol of the displacements.
         mismatches: protocols of other plants, and what figures call them.
         episodes: rollouts of each plan under noise.
