@@ -182,7 +182,8 @@ def _path_legend(figure: Figure, tracking: bool) -> None:
     ]
     if tracking:
         handles.append(Line2D([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), label="reference"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    columns = len(handles) if figure.get_figwidth() > PANEL else 2  # one panel has no room for a row of them
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
 def strip_steps(trajectory: Trajectory, count: int) -> list[int]:
