@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
@@ -23,6 +24,7 @@ from piec_envs.world.robots import ROBOTS, get_robot
 
 FORMAT = "piec-plan-1"
 ROBOT_KWARGS = ("contact", "geometry", "start", "reference")
+DRAWN = ("start_noise", "randomize")  # keyword arguments by which a reset draws a start and a plant
 SAME_START = 1e-6  # rad or m
 _META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
 
@@ -124,6 +126,24 @@ class Plan:
                 f"this plan starts at {np.round(self.path[0], 3).tolist()}, but the arm at "
                 f"{np.round(start, 3).tolist()}; take the keyword argument `start` that it was planned with"
             )
+
+
+def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tuple[EpisodeBatch, State]:
+    """The nominal model and the task's own start, of which nothing is drawn.
+
+    Args:
+        env_id: id of the environment.
+        env_kwargs: its keyword arguments.
+        seed: of the episode.
+
+    Raises:
+        UnknownNameError: for an unknown keyword argument.
+        InvalidParameterError: for a value outside its range.
+    """
+    given = {name: value for name, value in env_kwargs.items() if name not in DRAWN}
+    env: Any = gym.make(env_id, disable_env_checker=True, **given).unwrapped
+    env.reset(seed=seed)
+    return env.batch, env.get_state()
 
 
 def realised_plan(

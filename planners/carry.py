@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.registration import MOTIONS
-from planners.base import Plan, realised_plan
+from planners.base import Plan, nominal_start, realised_plan
 
 
 def carried_base(batch: EpisodeBatch, place: np.ndarray, share: np.ndarray, arrive: float) -> np.ndarray:
@@ -56,9 +55,7 @@ class RigidCarry:
         check_name("environment", env_id, MOTIONS)
         as_count("seed", seed, least=0)
         nominal = {"escape_field": None, **env_kwargs}
-        env: Any = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
-        env.reset(seed=seed)
-        batch, start = env.batch, env.get_state()
+        batch, start = nominal_start(env_id, nominal, seed)
         if batch.robot.base_dof == 0:
             raise InvalidParameterError(f"{env_id!r} has no base that slides, so that nothing can be carried")
         share = np.arange(1, batch.task.horizon + 1) / batch.task.horizon

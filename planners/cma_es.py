@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import cma
-import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
 from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import PRESETS
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import choose_field
 from piec_envs.escape.samples import CURL
 from piec_envs.registration import MOTIONS
-from planners.base import Plan, realised_plan
+from planners.base import DRAWN, Plan, nominal_start, realised_plan
 from planners.carry import carried_base
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective
@@ -107,7 +107,8 @@ class CmaEsPlanner:
             seed: of all randomness.
             progress: whether to show a progress bar.
             env_kwargs: keyword arguments of the nominal model, but for those that the objective and the
-                preset decide; the planner never sees the plant.
+                preset decide; the planner never sees the plant. What `start_noise` and `randomize` say is
+                drawn for each disturbed rollout, and leaves the nominal one as it is.
 
         Returns:
             The best plan by re-simulated cost.
@@ -119,10 +120,11 @@ class CmaEsPlanner:
         check_name("environment", env_id, MOTIONS)
         as_count("seed", seed, least=0)
         nominal = self._nominal_kwargs(env_kwargs)
-        env: Any = gym.make(env_id, disable_env_checker=True, **nominal).unwrapped
-        env.reset(seed=seed)
-        nominal["escape_field"] = env.batch.config.escape_field  # by name, not as "auto"
-        search = _Search(self, env.batch, env.get_state(), seed)
+        batch, start = nominal_start(env_id, nominal, seed)
+        nominal["escape_field"] = batch.config.escape_field  # by name, not as "auto"
+        drawn = {name: nominal[name] for name in DRAWN if name in nominal}
+        samples = disturbed_samples(dataclasses.replace(batch.config, **drawn), self, seed)
+        search = _Search(self, batch, start, samples, seed)
         total = self.iterations + self.robust_iterations + 1
         with tqdm(total=total, desc=f"planning {self.objective}", disable=not progress, leave=False) as bar:
             search.run(bar)
@@ -152,6 +154,7 @@ class _Search:
     planner: CmaEsPlanner
     batch: EpisodeBatch
     start: State
+    samples: State
     seed: int
     found: list[tuple[float, np.ndarray]] = field(default_factory=list)  # (cost, via points) per restart
 
@@ -160,7 +163,6 @@ class _Search:
         self.lower = self.batch.robot.joint_array("lower")
         self.upper = self.batch.robot.joint_array("upper")
         self.cost = PathCost(self.batch, self.start)
-        self.samples = disturbed_samples(self.start, self.planner, self.seed)
 
     def run(self, bar: tqdm) -> None:
         """Search on the nominal model, then polish the best result under noise."""
@@ -255,17 +257,17 @@ class _Search:
         )  # fmt: skip
 
 
-def disturbed_samples(start: State, planner: CmaEsPlanner, seed: int) -> State:
-    """The start under the planner's own disturbances, the same for every objective.
+def disturbed_samples(config: EnvConfig, planner: CmaEsPlanner, seed: int) -> State:
+    """Starts under the planner's own disturbances, the same for every objective.
 
     Args:
-        start: one state.
-        planner: gives their number and size.
+        config: the nominal model; what its `start_noise` and `randomize` say is drawn for each sample.
+        planner: gives the number of samples and the disturbance.
         seed: of their random numbers.
     """
     count = planner.robust_samples
-    samples = start.take(np.zeros(count, dtype=int))
-    changes = {"disturbance": planner.robust_disturbance, "adversary": 0.0}
-    samples.params = [params.replace(changes) for params in samples.params]
-    samples.seed = np.random.default_rng([NOISE_STREAM, seed]).integers(2**62, size=count)
-    return samples
+    changes = {"disturbance": planner.robust_disturbance, "adversary": 0.0, "escape_field": None, "prior": None}
+    batch = EpisodeBatch(dataclasses.replace(config, **changes), count)
+    seeds = np.random.default_rng([NOISE_STREAM, seed]).integers(2**62, size=count)
+    batch.reset(np.arange(count), seeds.tolist())
+    return batch.state

@@ -39,12 +39,14 @@ class Case:
         planner: arguments of `CmaEsPlanner`.
         env_kwargs: keyword arguments of the nominal model and of the plant; protocols change the plant.
         env_id: id of the environment.
+        model: keyword arguments of the nominal model alone.
     """
 
     label: str
     planner: Mapping[str, Any]
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     env_id: str = PUSH
+    model: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -54,7 +56,8 @@ class Case:
 
     def plan_work(self, seed: int) -> Work:
         """Planning with one seed."""
-        return Work(plan_spec(self.env_id, self.env_kwargs, self.planner), seed, f"{self.label}, seed {seed}")
+        spec = plan_spec(self.env_id, {**self.env_kwargs, **self.model}, self.planner)
+        return Work(spec, seed, f"{self.label}, seed {seed}")
 
     def evaluation_work(self, seed: int, protocol: str, episodes: int) -> Work:
         """Evaluating the plan of one seed under a protocol."""

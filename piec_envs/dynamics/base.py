@@ -14,6 +14,7 @@ from piec_envs.world.robots import get_robot
 
 CONTROL_PERIOD = 0.1  # h, s
 TOUCH_DISTANCE = 1e-3  # m; links nearer than this count as in contact
+INERTIAS = ("paper", "own")  # how readily a model of first order turns the object; see `ContactModel.own_inertia`
 NO_MEMORY = np.zeros(0)  # of a row whose joints and object pose say everything
 
 
@@ -28,6 +29,7 @@ class Plant:
         dynamics: name of the dynamics of each row, length B; only `DynamicsByRow` asks for it.
         mass: of each row's object, as a factor of its nominal one, shape (B,); None is 1.
         delay: from a command to the drives, shape (B,), s; None is 0.
+        inertia: one of INERTIAS for each row, length B; () is "paper". The quasi-dynamic model alone asks for it.
     """
 
     robot: str
@@ -36,11 +38,17 @@ class Plant:
     dynamics: Sequence[str] = ()
     mass: np.ndarray | None = None
     delay: np.ndarray | None = None
+    inertia: Sequence[str] = ()
 
     @cached_property
     def rows_by_object(self) -> dict[str, np.ndarray]:
         """Row indices of each object that occurs."""
         return _rows_by_name(self.objects)
+
+    @cached_property
+    def rows_by_inertia(self) -> dict[str, np.ndarray]:
+        """Row indices of each inertia that occurs."""
+        return _rows_by_name(self.inertia or [INERTIAS[0]] * len(self.objects))
 
     @cached_property
     def rows_by_dynamics(self) -> dict[str, np.ndarray]:
@@ -49,9 +57,10 @@ class Plant:
 
     def take(self, rows: np.ndarray) -> Plant:
         """The plant of some rows alone."""
-        objects, dynamics = ([names[i] for i in rows] if names else () for names in (self.objects, self.dynamics))
+        named = (self.objects, self.dynamics, self.inertia)
+        objects, dynamics, inertia = ([names[i] for i in rows] if names else () for names in named)
         mass, delay = (None if array is None else array[rows] for array in (self.mass, self.delay))
-        return Plant(self.robot, objects, self.friction[rows], dynamics, mass, delay)
+        return Plant(self.robot, objects, self.friction[rows], dynamics, mass, delay, inertia)
 
 
 def _rows_by_name(names: Sequence[str]) -> dict[str, np.ndarray]:

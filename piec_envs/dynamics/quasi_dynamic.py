@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from piec_envs.dynamics.base import NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
+from piec_envs.dynamics.base import INERTIAS, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
 from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
 from piec_envs.dynamics.reference import rollout_rows_osqp
 from piec_envs.errors import InvalidParameterError, check_name
@@ -38,7 +38,7 @@ class QuasiDynamics:
         model = model or ContactModel()
         if model.compliance < 0 or model.push_out < 0:
             raise InvalidParameterError(f"compliance and push_out must be at least 0, got {model}")
-        self.model = model
+        self._models = {name: model._replace(own_inertia=name == "own") for name in INERTIAS}
         self.threads = threads
         self._kernel = rollout_rows if solver == "fast" else rollout_rows_osqp
 
@@ -59,15 +59,15 @@ class QuasiDynamics:
         for name in plant.rows_by_object:
             check_first_order(name, 0.0 if plant.delay is None else float(plant.delay.max()))
         batch, steps, _ = commands.values.shape
-        groups = [(rows, pack_scene(plant.robot, name)) for name, rows in plant.rows_by_object.items()]
-        motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][1].links)
+        groups = [(pack_scene(plant.robot, name), self._models[inertia], rows) for name, inertia, rows in _alike(plant)]
+        motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][0].links)
         arrays = (motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance, motion.contact,
                   motion.active)  # fmt: skip
         displacement = np.zeros((batch, 0, 2)) if commands.displacement is None else commands.displacement
         threads = 1 if batch * steps < SMALL_BATCH else self.threads
-        for rows, scene in groups:
+        for scene, model, rows in groups:
             run_rows(
-                self._kernel, len(rows), threads, rows, scene, self.model,
+                self._kernel, len(rows), threads, rows, scene, model,
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
         _hold_diverged(motion)
@@ -76,6 +76,16 @@ class QuasiDynamics:
     def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
         """The pose itself: the first steps push an overlap out."""
         return pose, [NO_MEMORY] * len(pose)
+
+
+def _alike(plant: Plant) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Rows of the same object and inertia, which one call of the kernel simulates."""
+    for name, of_object in plant.rows_by_object.items():
+        for inertia, of_inertia in plant.rows_by_inertia.items():
+            whole = len(of_inertia) == len(plant.objects)
+            rows = of_object if whole else np.intersect1d(of_object, of_inertia, assume_unique=True)
+            if len(rows):
+                yield name, inertia, rows
 
 
 def _hold_diverged(motion: Motion) -> None:

@@ -165,6 +165,7 @@ class EpisodeBatch:
             [params.dynamics for params in state.params],
             np.array([params.mass for params in state.params]),
             np.array([params.delay for params in state.params]),
+            [params.inertia for params in state.params],
         )
 
     # --- stepping ----------------------------------------------------------------------------

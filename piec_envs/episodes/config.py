@@ -22,7 +22,6 @@ from piec_envs.world.robots import get_robot
 
 DEFAULT_ESCAPE_EVERY = {"grid": 10}  # a learned field is refreshed at every step
 NOISE_ENTRIES = ("qp", "state")
-INERTIAS = ("paper", "own")
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,8 @@ class EnvConfig:
         adversary: speed of an object that flees, as a fraction of the escape field's u_bar.
         mass: the object's, as a factor of its nominal one; the quasi-dynamic model knows none.
         delay: from a command to the drives, s, under MuJoCo alone.
+        inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042, stiff) or
+            "own", as an even solid of its shape.
         start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
         randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.
         escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best
@@ -54,8 +55,6 @@ class EnvConfig:
         weights: changes to the preset's weights.
         noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
             then repaired), for the quasi-dynamic model.
-        inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042, stiff) or
-            "own", as an even solid of its shape, which is what MuJoCo does too.
         start: the arm's posture at the start: joint positions in rad and m, or a name: "home" or a row of
             the table of starts for this robot; "auto" is the table's first, or "home" where it has none.
         threads: threads of a batch; None takes all cores.
@@ -76,6 +75,7 @@ class EnvConfig:
     adversary: float = 0.0
     mass: float = 1.0
     delay: float = 0.0
+    inertia: str = "paper"
     start_noise: tuple[float, float] = (0.0, 0.0)
     randomize: Mapping[str, Any] | None = None
     escape_field: str | Mapping[str, Any] | None = "auto"
@@ -87,7 +87,6 @@ class EnvConfig:
     preset: str = "default"
     weights: Mapping[str, Any] | None = None
     noise_entry: str = "qp"
-    inertia: str = "paper"
     start: str | Sequence[float] = "auto"
     threads: int | None = None
     robot: str = "auto"
@@ -106,7 +105,6 @@ class EnvConfig:
         for argument, value, known in (
             ("solver", self.solver, SOLVERS),
             ("noise_entry", self.noise_entry, NOISE_ENTRIES),
-            ("inertia", self.inertia, INERTIAS),
             ("prior", self.prior, (*PRIORS, "auto", None)),
             ("goal_conditioned", self.goal_conditioned, (False, True, "dense")),
         ):
@@ -180,7 +178,6 @@ class EnvConfig:
     def contact_model(self) -> ContactModel:
         """Settings of the quasi-dynamic model."""
         model = PAPER_MODEL if self.preset == "paper" else ContactModel()
-        model = model._replace(own_inertia=self.inertia == "own")
         if self.noise_entry == "state":
             # Displacing the pose makes overlaps, which a stiffer contact would throw back.
             model = model._replace(state_noise=True, compliance=max(model.compliance, 1e-3))

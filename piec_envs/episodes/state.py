@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.dynamics.base import CONTROL_PERIOD, NO_MEMORY
+from piec_envs.dynamics.base import CONTROL_PERIOD, INERTIAS, NO_MEMORY
 from piec_envs.dynamics.quasi_dynamic import check_first_order
 from piec_envs.dynamics.table import DYNAMICS
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
@@ -36,6 +36,8 @@ class PlantParams:
             quasi-dynamic model is of first order and the same for every mass.
         delay: from a command to the drives, s, at most a control step, in steps of 2 ms; until then
             the command before holds. The quasi-dynamic model knows none.
+        inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042, stiff) or
+            "own", as an even solid of its shape. Under MuJoCo it turns as it stands on the table.
 
     Raises:
         UnknownNameError: for a name in no table.
@@ -51,12 +53,14 @@ class PlantParams:
     adversary: float = 0.0
     mass: float = 1.0
     delay: float = 0.0
+    inertia: str = "paper"
 
     def __post_init__(self):
         for kind, known in (
             ("dynamics", DYNAMICS),
             ("object", OBJECTS),
             ("disturbance_kind", DISTURBANCE_KINDS),
+            ("inertia", INERTIAS),
         ):
             check_name(kind, getattr(self, kind), known)
         for name in _RANGES:

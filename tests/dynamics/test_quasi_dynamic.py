@@ -124,14 +124,16 @@ def test_rows_do_not_depend_on_batch_or_threads(random_motion):
         np.testing.assert_array_equal(again.pose[0], motion.pose[i])
 
 
-def test_mixed_objects_and_friction_equal_separate_rows(random_motion):
+def test_rows_of_other_objects_frictions_and_inertias_equal_separate_rows(random_motion):
     motion = random_motion("octagon", rows=8, steps=150, seed=4)
     rows = len(motion.pose)
     names, friction = (["circle", "octagon"] * rows)[:rows], np.linspace(0.0, 1.0, rows)
+    inertia = (["own", "own", "paper"] * rows)[:rows]
     start = motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0]
-    mixed = QuasiDynamics().rollout(*start, Commands(motion.actions), Plant("planar_arm", names, friction))
+    plant = Plant("planar_arm", names, friction, inertia=inertia)
+    mixed = QuasiDynamics().rollout(*start, Commands(motion.actions), plant)
     for i in range(rows):
-        plant = Plant("planar_arm", [names[i]], friction[i : i + 1])
+        plant = Plant("planar_arm", [names[i]], friction[i : i + 1], inertia=inertia[i : i + 1])
         one = [array[i : i + 1] for array in start]
         alone = QuasiDynamics().rollout(*one, Commands(motion.actions[i : i + 1]), plant)
         np.testing.assert_array_equal(alone.pose[0], mixed.pose[i])
@@ -185,14 +187,14 @@ def test_bad_arguments():
 def test_with_its_own_inertia_an_object_turns_with_the_face_that_pushes_it():
     """A link pushes the long side of a box: under MuJoCo the two stay face to face, with the paper's entry not."""
     q, pose, commands = np.zeros((1, 4)), np.array([[1.1, 0.17, 0.0]]), Commands(np.tile([1.0, 0, 0, 0], (1, 100, 1)))
-    plant = Plant("planar_arm", ["box"], np.array([0.5]))
     behind = {}
-    for name, dynamics in {
-        "mujoco": MujocoDynamics(),
-        "own": QuasiDynamics(model=ContactModel(own_inertia=True)),
-        "own, osqp": QuasiDynamics("osqp", ContactModel(own_inertia=True)),
-        "paper": QuasiDynamics(),
-    }.items():
+    for name, dynamics, inertia in (
+        ("mujoco", MujocoDynamics(), "paper"),
+        ("own", QuasiDynamics(), "own"),
+        ("own, osqp", QuasiDynamics("osqp"), "own"),
+        ("paper", QuasiDynamics(), "paper"),
+    ):
+        plant = Plant("planar_arm", ["box"], np.array([0.5]), inertia=[inertia])
         motion = dynamics.rollout(q, q, pose, commands, plant)
         behind[name] = motion.q_r[0, -1, 0] - motion.pose[0, -1, 2]  # rad
     assert behind["paper"] > 0.25

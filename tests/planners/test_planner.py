@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ from piec_envs.episodes.posture import CagingProblem
 from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
-from planners import CmaEsPlanner
+from planners import CmaEsPlanner, Plan
+from planners.base import nominal_start
 from planners.cma_es import disturbed_samples
 from planners.configuration import REACHABLE, enclosing_posture
 from planners.objectives import MISS_MARGIN, OBJECTIVES, PathCost, crossing
@@ -116,9 +119,37 @@ def test_polishing_disturbs_every_objective_alike(objective):
     kwargs = {"adversary": OBJECTIVES[objective].adversary} if OBJECTIVES[objective].escape_field else {}
     env = gym.make(PUSH, escape_field="grid" if kwargs else None, **kwargs).unwrapped
     env.reset(seed=0)
-    samples = disturbed_samples(env.get_state(), CmaEsPlanner(objective=objective), seed=2)
+    samples = disturbed_samples(env.batch.config, CmaEsPlanner(objective=objective), seed=2)
     assert all((params.adversary, params.disturbance) == (0.0, 0.005) for params in samples.params)
     assert samples.rows == 8 and len(set(samples.seed.tolist())) == 8
+
+
+def test_polishing_draws_what_the_env_draws_and_the_nominal_run_does_not():
+    """Each disturbed run has a plant and a start of its own; the model they stand beside is the task's."""
+    drawn = {"randomize": {"object": ["circle", "square"], "friction": [0.2, 0.8]}, "start_noise": [0.01, 0.1]}
+    batch, start = nominal_start(PUSH, {"escape_field": None, **drawn}, seed=3)
+    np.testing.assert_array_equal(start.pose[0], batch.task.start)
+    assert start.params == [batch.config.params]
+    config, planner = dataclasses.replace(batch.config, **drawn), CmaEsPlanner(objective="contact")
+    samples, again, other = (disturbed_samples(config, planner, seed) for seed in (2, 2, 1))
+    assert {params.object for params in samples.params} == {"circle", "square"}
+    assert len({params.friction for params in samples.params}) == samples.rows
+    assert all(0.2 <= params.friction <= 0.8 and params.disturbance == 0.005 for params in samples.params)
+    away = np.abs(samples.pose - batch.task.start)
+    assert (away > 0).all() and (away <= [0.01, 0.01, 0.1]).all()
+    np.testing.assert_array_equal(samples.pose, again.pose)
+    assert samples.params == again.params != other.params
+
+
+def test_plans_for_drawn_plants_differ_and_keep_what_was_drawn(tmp_path):
+    """The draws reach the search, and the plan's file says what it was made for."""
+    planner = CmaEsPlanner(objective="contact", **SMALL)
+    drawn = {"randomize": {"friction": [0.0, 1.0]}, "start_noise": [0.01, 0.1]}
+    plain, wide = planner.plan(PUSH, progress=False), planner.plan(PUSH, progress=False, **drawn)
+    assert plain.cost != wide.cost
+    assert Plan.load(wide.save(tmp_path / "plan.npz")).env_kwargs["randomize"] == drawn["randomize"]
+    with pytest.raises(UnknownNameError, match="object"):
+        planner.plan(PUSH, progress=False, randomize={"object": ["cube"]})
 
 
 def test_bad_arguments():
