@@ -266,8 +266,9 @@ def disturbed_samples(config: EnvConfig, planner: CmaEsPlanner, seed: int) -> St
         seed: of their random numbers.
     """
     count = planner.robust_samples
-    changes = {"disturbance": planner.robust_disturbance, "adversary": 0.0, "escape_field": None, "prior": None}
-    batch = EpisodeBatch(dataclasses.replace(config, **changes), count)
+    changes: dict[str, Any] = {"adversary": 0.0, "escape_field": None, "prior": None}
+    disturbed = dataclasses.replace(config, disturbance=planner.robust_disturbance, **changes)
+    batch = EpisodeBatch(disturbed, count)
     seeds = np.random.default_rng([NOISE_STREAM, seed]).integers(2**62, size=count)
     batch.reset(np.arange(count), seeds.tolist())
     return batch.state
