@@ -46,9 +46,13 @@ class Plant:
         return _rows_by_name(self.objects)
 
     @cached_property
-    def rows_by_inertia(self) -> dict[str, np.ndarray]:
-        """Row indices of each inertia that occurs."""
-        return _rows_by_name(self.inertia or [INERTIAS[0]] * len(self.objects))
+    def rows_by_object_and_inertia(self) -> dict[tuple[str, str], np.ndarray]:
+        """Row indices of each object that occurs, for each of its inertias."""
+        groups: dict[tuple[str, str], list[int]] = {}
+        inertia = self.inertia or [INERTIAS[0]] * len(self.objects)
+        for row, key in enumerate(zip(self.objects, inertia, strict=True)):
+            groups.setdefault(key, []).append(row)
+        return {key: np.array(rows) for key, rows in groups.items()}
 
     @cached_property
     def rows_by_dynamics(self) -> dict[str, np.ndarray]:

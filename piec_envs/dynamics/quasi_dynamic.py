@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -56,10 +56,13 @@ class QuasiDynamics:
         A first-order model remembers nothing, and knows neither the object's mass nor what `check_first_order` refuses.
         """
         check_shapes(q_r, q_cmd, pose, commands, plant)
-        for name in plant.rows_by_object:
+        for name, _ in plant.rows_by_object_and_inertia:
             check_first_order(name, 0.0 if plant.delay is None else float(plant.delay.max()))
         batch, steps, _ = commands.values.shape
-        groups = [(pack_scene(plant.robot, name), self._models[inertia], rows) for name, inertia, rows in _alike(plant)]
+        groups = [
+            (pack_scene(plant.robot, name), self._models[inertia], rows)
+            for (name, inertia), rows in plant.rows_by_object_and_inertia.items()
+        ]
         motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][0].links)
         arrays = (motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance, motion.contact,
                   motion.active)  # fmt: skip
@@ -76,16 +79,6 @@ class QuasiDynamics:
     def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
         """The pose itself: the first steps push an overlap out."""
         return pose, [NO_MEMORY] * len(pose)
-
-
-def _alike(plant: Plant) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Rows of the same object and inertia, which one call of the kernel simulates."""
-    for name, of_object in plant.rows_by_object.items():
-        for inertia, of_inertia in plant.rows_by_inertia.items():
-            whole = len(of_inertia) == len(plant.objects)
-            rows = of_object if whole else np.intersect1d(of_object, of_inertia, assume_unique=True)
-            if len(rows):
-                yield name, inertia, rows
 
 
 def _hold_diverged(motion: Motion) -> None:
