@@ -45,6 +45,7 @@ PACKS: Mapping[str, Any] = {
     "start_noise": [0.006, 0.03],
     "weights": {"miss": 1e6},
 }
+PLANTS = {"dynamics-mujoco-start": "six discs"} | {f"sim-to-real-sm{k}": f"SM{k}" for k in (1, 2, 3)}  # in figures
 PAPER = {  # section 7.3: what five trials on a real arm gave
     "sim-to-real-sm1": "d2g 4.1 ± 2.1 mm, 5 of 5",
     "sim-to-real-sm2": "5 of 5",
@@ -83,7 +84,7 @@ class Settings:
     """
 
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
-    protocols: tuple[str, ...] = ("dynamics-mujoco-start", *PAPER)
+    protocols: tuple[str, ...] = tuple(PLANTS)
     episodes: int = 20
     trials: int = 5
     methods: tuple[str, ...] = (SIMPLE, OWN, RANDOMISED, TOUCHING)
@@ -94,7 +95,7 @@ class Settings:
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
         env_kwargs = {"geometry": "capsules", "escape_field": SMALL_TABLE}
-        return cls((0,), ("sim-to-real-sm3",), 1, 1, (RANDOMISED,), SMOKE_PLANNER, env_kwargs)
+        return cls((0,), ("sim-to-real-sm3",), 1, 1, (SIMPLE, RANDOMISED), SMOKE_PLANNER, env_kwargs)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -142,7 +143,7 @@ def _draw(study: StudyRun, settings: Settings, case: Case) -> list[Path]:
     panels = []
     for name in settings.protocols:
         trials = study.load_evaluation(case, seed, name).pose[: settings.trials]
-        panels.append(replace(planned, mode=name.rpartition("-")[2].upper(), disturbed=trials))
+        panels.append(replace(planned, mode=PLANTS[name], disturbed=trials))
     last = settings.protocols[-1]
     plant = get_protocol(last).env_kwargs(case.env_kwargs)
     real: Trajectory = watched(study.load_plan(case, seed), panels[-1].mode, plant, 1000 * seed)

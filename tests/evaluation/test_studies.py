@@ -67,6 +67,14 @@ def test_a_study_of_plans_leaves_them_and_says_what_n_is(results, name):
     assert "n counts distinct executions" in (folder / "table.md").read_text()
 
 
+def test_what_the_planning_model_draws_is_not_drawn_by_the_plant():
+    drawn = {"randomize": {"friction": [0.2, 0.8]}}
+    case, plain = (Case("drawn", {"objective": "contact"}, {"object": "square"}, model=model) for model in (drawn, {}))
+    spec = case.evaluation_work(0, "nominal", 1).spec
+    assert spec["plan"]["env_kwargs"] == {"object": "square", **drawn} and spec["env_kwargs"] == {"object": "square"}
+    assert case.plan_work(0).key != plain.plan_work(0).key
+
+
 def test_studies_share_plans(results):
     plans = [Plan.load(path) for path in (results / "plans").iterdir()]
     kinds = {env_id: sorted(plan.objective for plan in plans if plan.env_id == env_id) for env_id in MOTIONS}
