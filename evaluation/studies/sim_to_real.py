@@ -66,7 +66,8 @@ of all seeds, their mean with a bootstrap over plans, and the least. d2g: distan
 farthest: largest distance to its centre of all executions; deviation: largest distance from the planned execution at
 the same time. SM1 is the wrapped pack, SM2 a sharp box around it, SM3 that box and a loose roll at one of four places.
 The box overlaps the arm at the start by up to 12 mm: it is moved aside (within 20 mm and 0.3 rad) before the clock
-starts. Paper: five trials each on a real arm, of which it counts those of SM1, at the edge of the region, as successes."""
+starts. Paper: five trials each on a real arm, of which it counts those of SM1, at the edge of the region, as
+successes."""
 
 
 @dataclass(frozen=True)
