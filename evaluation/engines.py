@@ -120,6 +120,7 @@ class _RayWorkers:
         self._task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(_answer)
 
     def submit(self, function: Callable, *args: Any) -> _RayFuture:
+        """Start a task."""
         return _RayFuture(self._task.remote(versions(), function, *args).future())
 
 
@@ -128,9 +129,11 @@ class _RayFuture:
         self._future = future
 
     def done(self) -> bool:
+        """Whether the task has ended, well or not."""
         return self._future.done()
 
     def result(self) -> Any:
+        """What the work returned or raised; raises EngineError if Ray lost it too often."""
         from ray.exceptions import RayError
 
         try:
@@ -172,6 +175,7 @@ class _SlurmWorkers:
         self._futures: list[_SlurmFuture] = []
 
     def submit(self, function: Callable, *args: Any) -> _SlurmFuture:
+        """Put a job into the queue; raises EngineError if Slurm takes none."""
         self._futures = [future for future in self._futures if not future.answer]
         self._futures.append(_SlurmFuture(partial(self._send, versions(), function, *args)))
         return self._futures[-1]
@@ -203,6 +207,7 @@ class _SlurmFuture:
         self.answer: tuple[Any, Exception | None] | None = None
 
     def done(self) -> bool:
+        """Whether there is an answer; a lost job is submitted again, and raises EngineError if lost too often."""
         from submitit.core.utils import FailedJobError, UncompletedJobError
 
         if self.answer or not self.job.done():
@@ -220,6 +225,7 @@ class _SlurmFuture:
         return self.answer is not None
 
     def result(self) -> Any:
+        """Wait for what the work returned or raised; raises EngineError if its time ran out."""
         from submitit.core.utils import UncompletedJobError
 
         while not self.done():

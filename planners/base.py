@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import zipfile
@@ -15,6 +16,7 @@ import numpy as np
 
 from piec_envs.dynamics.base import CONTROL_PERIOD
 from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.observation import observation_layout
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import MEASURES
@@ -128,7 +130,7 @@ class Plan:
             )
 
 
-def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tuple[EpisodeBatch, State]:
+def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tuple[EpisodeBatch, State, EnvConfig]:
     """The nominal model and the task's own start, of which nothing is drawn.
 
     Args:
@@ -136,14 +138,18 @@ def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tupl
         env_kwargs: its keyword arguments.
         seed: of the episode.
 
+    Returns:
+        The model, the start, and the model's configuration with what `env_kwargs` draws.
+
     Raises:
-        UnknownNameError: for an unknown keyword argument.
+        UnknownNameError: for an unknown name or keyword argument.
         InvalidParameterError: for a value outside its range.
     """
-    given = {name: value for name, value in env_kwargs.items() if name not in DRAWN}
-    env: Any = gym.make(env_id, disable_env_checker=True, **given).unwrapped
+    fixed = {name: value for name, value in env_kwargs.items() if name not in DRAWN}
+    drawn = {name: value for name, value in env_kwargs.items() if name in DRAWN}
+    env: Any = gym.make(env_id, disable_env_checker=True, **fixed).unwrapped
     env.reset(seed=seed)
-    return env.batch, env.get_state()
+    return env.batch, env.get_state(), dataclasses.replace(env.batch.config, **drawn)
 
 
 def realised_plan(

@@ -55,7 +55,7 @@ class RigidCarry:
         check_name("environment", env_id, MOTIONS)
         as_count("seed", seed, least=0)
         nominal = {"escape_field": None, **env_kwargs}
-        batch, start = nominal_start(env_id, nominal, seed)
+        batch, start, _ = nominal_start(env_id, nominal, seed)
         if batch.robot.base_dof == 0:
             raise InvalidParameterError(f"{env_id!r} has no base that slides, so that nothing can be carried")
         share = np.arange(1, batch.task.horizon + 1) / batch.task.horizon

@@ -19,7 +19,7 @@ from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_n
 from piec_envs.escape.field import choose_field
 from piec_envs.escape.samples import CURL
 from piec_envs.registration import MOTIONS
-from planners.base import DRAWN, Plan, nominal_start, realised_plan
+from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
 from planners.configuration import enclosing_posture
 from planners.objectives import Objective, PathCost, get_objective
@@ -120,11 +120,9 @@ class CmaEsPlanner:
         check_name("environment", env_id, MOTIONS)
         as_count("seed", seed, least=0)
         nominal = self._nominal_kwargs(env_kwargs)
-        batch, start = nominal_start(env_id, nominal, seed)
+        batch, start, config = nominal_start(env_id, nominal, seed)
         nominal["escape_field"] = batch.config.escape_field  # by name, not as "auto"
-        drawn = {name: nominal[name] for name in DRAWN if name in nominal}
-        samples = disturbed_samples(dataclasses.replace(batch.config, **drawn), self, seed)
-        search = _Search(self, batch, start, samples, seed)
+        search = _Search(self, batch, start, disturbed_samples(config, self, seed), seed)
         total = self.iterations + self.robust_iterations + 1
         with tqdm(total=total, desc=f"planning {self.objective}", disable=not progress, leave=False) as bar:
             search.run(bar)
@@ -139,6 +137,9 @@ class CmaEsPlanner:
             own["escape_every"] = self.escape_every
         else:
             own["escape_field"] = None
+        drawn = env_kwargs.get("randomize")
+        if isinstance(drawn, Mapping) and "adversary" in drawn:
+            raise InvalidParameterError("'adversary' follows from the planner's objective, so that it cannot be drawn")
         for name in DECIDED:
             if name in env_kwargs and env_kwargs[name] != own[name]:
                 raise InvalidParameterError(

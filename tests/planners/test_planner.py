@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -127,10 +125,10 @@ def test_polishing_disturbs_every_objective_alike(objective):
 def test_polishing_draws_what_the_env_draws_and_the_nominal_run_does_not():
     """Each disturbed run has a plant and a start of its own; the model they stand beside is the task's."""
     drawn = {"randomize": {"object": ["circle", "square"], "friction": [0.2, 0.8]}, "start_noise": [0.01, 0.1]}
-    batch, start = nominal_start(PUSH, {"escape_field": None, **drawn}, seed=3)
+    batch, start, config = nominal_start(PUSH, {"escape_field": None, **drawn}, seed=3)
     np.testing.assert_array_equal(start.pose[0], batch.task.start)
     assert start.params == [batch.config.params]
-    config, planner = dataclasses.replace(batch.config, **drawn), CmaEsPlanner(objective="contact")
+    planner = CmaEsPlanner(objective="contact")
     samples, again, other = (disturbed_samples(config, planner, seed) for seed in (2, 2, 1))
     assert {params.object for params in samples.params} == {"circle", "square"}
     assert len({params.friction for params in samples.params}) == samples.rows
@@ -150,6 +148,8 @@ def test_plans_for_drawn_plants_differ_and_keep_what_was_drawn(tmp_path):
     assert Plan.load(wide.save(tmp_path / "plan.npz")).env_kwargs["randomize"] == drawn["randomize"]
     with pytest.raises(UnknownNameError, match="object"):
         planner.plan(PUSH, progress=False, randomize={"object": ["cube"]})
+    with pytest.raises(InvalidParameterError, match="objective"):
+        planner.plan(PUSH, progress=False, randomize={"adversary": [0.0, 1.0]})
 
 
 def test_bad_arguments():
