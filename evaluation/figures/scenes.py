@@ -159,7 +159,8 @@ def trajectories(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path:
         The path.
     """
     box = bounds(plans, [[plan.steps] for plan in plans])
-    with figure_file(path, PANEL * len(plans), _panel_height(box, PANEL) + 0.6) as figure:
+    legend = 0.6 if len(plans) > 1 else 0.95  # of two rows below one panel, which has no room for a row of all
+    with figure_file(path, PANEL * len(plans), _panel_height(box, PANEL) + legend) as figure:
         axes = np.ravel(figure.subplots(1, len(plans)))
         for ax, plan in zip(axes, plans, strict=True):
             draw_ghost(ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", INK, 0.3), alpha=1.0)
@@ -182,7 +183,7 @@ def _path_legend(figure: Figure, tracking: bool) -> None:
     ]
     if tracking:
         handles.append(Line2D([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), label="reference"))
-    columns = len(handles) if figure.get_figwidth() > PANEL else 2  # one panel has no room for a row of them
+    columns = len(handles) if figure.get_figwidth() > PANEL else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
