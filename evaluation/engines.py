@@ -21,7 +21,7 @@ from typing import Any
 
 from evaluation.jobs import POLL_SECONDS, RETRIES, say
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, as_count, check_name
-from piec_envs.versions import versions
+from piec_envs.versions import source, versions
 
 RAY_STORE = 100 * 2**20  # bytes; results are small, and Ray would take a third of the memory
 SLURM_FOLDER = "runs/slurm"
@@ -121,7 +121,7 @@ class _RayWorkers:
 
     def submit(self, function: Callable, *args: Any) -> _RayFuture:
         """Start a task."""
-        return _RayFuture(self._task.remote(versions(), function, *args).future())
+        return _RayFuture(self._task.remote(_installed(), function, *args).future())
 
 
 class _RayFuture:
@@ -177,7 +177,7 @@ class _SlurmWorkers:
     def submit(self, function: Callable, *args: Any) -> _SlurmFuture:
         """Put a job into the queue; raises EngineError if Slurm takes none."""
         self._futures = [future for future in self._futures if not future.answer]
-        self._futures.append(_SlurmFuture(partial(self._send, versions(), function, *args)))
+        self._futures.append(_SlurmFuture(partial(self._send, _installed(), function, *args)))
         return self._futures[-1]
 
     def _send(self, *args: Any) -> Any:
@@ -236,18 +236,23 @@ class _SlurmFuture:
             raise EngineError(f"a Slurm job needs more time, or the option timeout_min: {error}") from error
 
 
+def _installed() -> dict[str, str]:
+    """What workers must have as well: versions, and the suite's own sources."""
+    return {**versions(), "sources": source()["digest"]}
+
+
 def _answer(expected: Mapping[str, str], function: Callable, *args: Any) -> tuple[Any, Exception | None]:
     """What workers run.
 
     Args:
-        expected: versions where the records are written, which say that the work was done with them.
+        expected: `_installed` where the records are written, which say that the work was done with that.
         function: what to call.
         args: its arguments.
 
     Returns:
         The result and None, or None and what was raised: only lost workers look like failures to an engine.
     """
-    here = versions()
+    here = _installed()
     other = [f"{name} {here[name]} instead of {expected[name]}" for name in expected if here[name] != expected[name]]
     if other:
         return None, EngineError(f"a worker has other versions installed: {', '.join(other)}")

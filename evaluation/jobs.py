@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from evaluation.records import RecordFile, make_record, work_key
 from piec_envs.errors import EngineError, InvalidParameterError, UnknownNameError
+from piec_envs.versions import source
 
 POLL_SECONDS = 0.05  # between two looks at an executor's futures
 RETRIES = 3  # how often what a lost worker had in hand is begun anew
@@ -81,16 +82,18 @@ def resolve(name: str) -> Callable[..., Any]:
         raise UnknownNameError("function", name, ["module:function"]) from error
 
 
-def call(name: str, spec: Mapping[str, Any], seed: int, context: Context) -> tuple[Any, float]:
+def call(name: str, spec: Mapping[str, Any], seed: int, context: Context) -> tuple[Any, float, dict[str, Any]]:
     """Do one piece of work; this is what workers run.
 
     Returns:
-        The result and the seconds it took.
+        The result, the seconds it took, and the sources of this very process: a worker that is begun
+        while the tree is edited has others than the process that began it.
     """
+    here = source()
     function = resolve(name)
     begin = time.perf_counter()
     result = function(dict(spec), seed, context)
-    return result, time.perf_counter() - begin
+    return result, time.perf_counter() - begin, here
 
 
 def run_jobs(
@@ -115,6 +118,15 @@ def run_jobs(
         InvalidParameterError: if `jobs` is none of these.
         EngineError: if workers are lost again and again.
     """
+    for work, result, seconds, _ in _done(function, works, jobs, context):
+        yield work, result, seconds
+
+
+Done = tuple[Work, Any, float, dict[str, Any]]  # with what `call` returns
+
+
+def _done(function: str | Callable, works: Sequence[Work], jobs: Any, context: Context | None) -> Iterator[Done]:
+    """`run_jobs`, with the sources of the process that did each piece."""
     name, context = function_name(function), context or Context()
     folder = os.path.abspath(context.folder) if context.folder else ""
     alone = replace(context, folder=folder, threads=1, progress=False)
@@ -134,14 +146,14 @@ def say(text: str) -> None:
     tqdm.write(f"piec: {text}", file=sys.stderr)
 
 
-def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -> Iterator[tuple[Work, Any, float]]:
+def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -> Iterator[Done]:
     """What is left is begun anew with new workers when one of them was killed, for instance for its memory."""
     left, losses = dict(enumerate(works)), 0
     while left:
         try:
-            for index, result, seconds in _joblib_results(name, left, jobs, context):
+            for index, *answer in _joblib_results(name, left, jobs, context):
                 losses = 0
-                yield left.pop(index), result, seconds
+                yield left.pop(index), *answer
         except BrokenProcessPool as error:  # joblib's TerminatedWorkerError is one
             losses += 1
             if losses > RETRIES:
@@ -152,13 +164,11 @@ def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -
             say(f"a worker was lost; what is left is begun anew ({losses} of {RETRIES})")
 
 
-def _indexed_call(index: int, *arguments: Any) -> tuple[int, Any, float]:
+def _indexed_call(index: int, *arguments: Any) -> tuple[Any, ...]:
     return index, *call(*arguments)
 
 
-def _joblib_results(
-    name: str, works: Mapping[int, Work], jobs: int, context: Context
-) -> Iterator[tuple[int, Any, float]]:
+def _joblib_results(name: str, works: Mapping[int, Work], jobs: int, context: Context) -> Iterator[tuple[Any, ...]]:
     import joblib
 
     delayed = joblib.delayed(_indexed_call)
@@ -173,9 +183,7 @@ def _joblib_results(
         yield from parallel(piece)
 
 
-def _run_submitted(
-    name: str, works: Sequence[Work], executor: Any, context: Context
-) -> Iterator[tuple[Work, Any, float]]:
+def _run_submitted(name: str, works: Sequence[Work], executor: Any, context: Context) -> Iterator[Done]:
     limit, todo = getattr(executor, "limit", len(works)), iter(works)
     waiting: dict[Any, Work] = {}
     while True:
@@ -214,8 +222,8 @@ def run_recorded(
         todo = {work.key: work for work in works if work.key not in file.records}
         bar = tqdm(total=len(works), initial=len(works) - len(todo), desc=progress, disable=not progress, delay=0.5)
         with bar:
-            for work, result, seconds in run_jobs(function, list(todo.values()), jobs, context):
-                file.append(make_record(work.spec, work.seed, result, seconds))
+            for work, result, seconds, made_by in _done(function, list(todo.values()), jobs, context):
+                file.append(make_record(work.spec, work.seed, result, seconds, made_by))
                 bar.set_postfix_str(work.label)
                 bar.update()
         return [file.records[work.key] for work in works]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from piec_envs.errors import RecordError
+from piec_envs.versions import source as current_source
 from piec_envs.versions import versions
 
 try:
@@ -30,6 +31,7 @@ except ImportError:  # not a POSIX system: a second run is not kept out there
 FORMAT = "piec-record-1"
 _FIRST = f'{{"format":"{FORMAT}",'.encode()  # every line begins so
 _FIELDS = ("format", "key", "spec", "seed", "result", "seconds", "versions")
+_LATER = ("source",)  # records from before it stay readable
 
 
 def to_json(value: Any) -> Any:
@@ -78,7 +80,9 @@ def work_key(spec: Mapping[str, Any], seed: int) -> str:
     return hashlib.sha256(canonical({"spec": spec, "seed": int(seed)}).encode()).hexdigest()[:16]
 
 
-def make_record(spec: Mapping[str, Any], seed: int, result: Any, seconds: float) -> dict[str, Any]:
+def make_record(
+    spec: Mapping[str, Any], seed: int, result: Any, seconds: float, source: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """The record of a piece of work that is done.
 
     Args:
@@ -86,6 +90,7 @@ def make_record(spec: Mapping[str, Any], seed: int, result: Any, seconds: float)
         seed: its seed.
         result: what came out, JSON values and NumPy arrays.
         seconds: how long it took.
+        source: the sources of the process that did it (`piec_envs.versions.source`); None is this process.
     """
     return {
         "format": FORMAT,
@@ -95,6 +100,7 @@ def make_record(spec: Mapping[str, Any], seed: int, result: Any, seconds: float)
         "result": to_json(result),
         "seconds": round(float(seconds), 3),
         "versions": versions(),
+        "source": dict(current_source() if source is None else source),
     }
 
 
@@ -184,7 +190,8 @@ class RecordFile:
         """
         if record["key"] in self.records:
             raise RecordError(f"{self.path} has a record with key {record['key']} already")
-        line = json.dumps({name: record[name] for name in _FIELDS}, separators=(",", ":"), allow_nan=False)
+        names = [*_FIELDS, *(name for name in _LATER if name in record)]
+        line = json.dumps({name: record[name] for name in names}, separators=(",", ":"), allow_nan=False)
         self._file.write(line.encode() + b"\n")
         self._file.flush()
         os.fsync(self._file.fileno())

@@ -18,7 +18,7 @@ from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, 
 from evaluation.bench.learning import rollout_collection
 from evaluation.bench.planning import franka_plan, full_plans, static_caging
 from piec_envs.parallel import available_threads
-from piec_envs.versions import versions
+from piec_envs.versions import source, versions
 
 __all__ = ["QUICK", "Sizes", "run_bench"]
 
@@ -31,7 +31,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         progress: whether to show a progress bar.
 
     Returns:
-        "rows" of a table (benchmark, result, unit, wanted, note), "sizes", "machine" and "versions".
+        "rows" of a table (benchmark, result, unit, wanted, note), "sizes", "machine", "versions" and "source".
     """
     benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
         "contact step": contact_step,
@@ -55,4 +55,5 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
             bar.set_postfix_str(name)
             rows += benchmark(sizes)
     machine = {"cores": available_threads(), "system": platform.system(), "architecture": platform.machine()}
-    return {"rows": rows, "sizes": asdict(sizes), "machine": machine, "versions": versions()}
+    made_by = {"versions": versions(), "source": source()}
+    return {"rows": rows, "sizes": asdict(sizes), "machine": machine, **made_by}

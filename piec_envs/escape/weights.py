@@ -22,6 +22,7 @@ from piec_envs.escape.features import feature_count
 from piec_envs.escape.perceptron import BLOCK
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs.versions import source as current_source
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene
@@ -49,6 +50,7 @@ class FieldWeights:
         seed: of the training.
         record: what training noted, such as seconds and held-out errors.
         versions: of the engine.
+        source: commit and digest of the suite's sources; None in files from before it was noted.
     """
 
     robot: str
@@ -59,6 +61,7 @@ class FieldWeights:
     seed: int
     record: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=current_versions)
+    source: Mapping[str, Any] | None = field(default_factory=current_source)
 
     def __post_init__(self):
         check_name("kind of inputs", self.inputs, INPUTS)
@@ -113,6 +116,7 @@ class FieldWeights:
             "seed": self.seed,
             "record": dict(self.record),
             "versions": dict(self.versions),
+            "source": self.source,
         }
         text = json.dumps(meta, indent=1, sort_keys=True) + "\n"
         with replacing(target) as npz, replacing(target.with_suffix(".json")) as sidecar:
@@ -142,7 +146,7 @@ class FieldWeights:
             if geometry_digest(meta["robot"]) != meta["geometry"]:
                 raise WeightsError(f"{path} was trained for another geometry of the robot {meta['robot']!r}")
             kept = {name: meta[name] for name in ("robot", "inputs", "recipe", "seed", "record", "versions")}
-            return cls(arrays=arrays, speed=SpeedModel(**meta["speed"]), **kept)
+            return cls(arrays=arrays, speed=SpeedModel(**meta["speed"]), source=meta.get("source"), **kept)
         except WeightsError:
             raise
         except UnknownNameError as error:

@@ -17,6 +17,7 @@ import numpy as np
 import piec_envs  # noqa: F401  registers the environments
 from piec_envs.errors import AgentError, InvalidActionError, PiecError
 from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs.versions import source as current_source
 from piec_envs.versions import versions
 from planners.base import ROBOT_KWARGS, OpenLoopPolicy, realised_plan
 from planners.sb3.algorithms import get_algorithm
@@ -64,6 +65,7 @@ class Agent:
         seconds: of training.
         evaluation: of this very agent, as training measured it.
         versions: of the engine and of what learns.
+        source: commit and digest of the suite's sources; None in files from before it was noted.
     """
 
     spec: TrainSpec
@@ -75,6 +77,7 @@ class Agent:
     seconds: float
     evaluation: dict[str, Any]
     versions: dict[str, str] = field(default_factory=learner_versions)
+    source: dict[str, Any] | None = field(default_factory=current_source)
 
     @property
     def env_id(self) -> str:
@@ -105,7 +108,7 @@ class Agent:
         with replacing(target) as file:
             self.model.save(file)
         about = {name: getattr(self, name) for name in _META}
-        about |= {"format": FORMAT, "spec": self.spec.as_json(), "sha256": file_hash(target)}
+        about |= {"format": FORMAT, "spec": self.spec.as_json(), "sha256": file_hash(target), "source": self.source}
         with replacing(target.with_suffix(".json")) as file:
             file.write((json.dumps(about, indent=1) + "\n").encode())
         return target
@@ -131,7 +134,7 @@ class Agent:
                 )
             # Only now, since this unpickles.
             model = get_algorithm(spec.algo).load(target, device="cpu", custom_objects=UNNEEDED)
-            return cls(spec=spec, model=model, **{name: about[name] for name in _META})
+            return cls(spec=spec, model=model, source=about.get("source"), **{name: about[name] for name in _META})
         except PiecError:
             raise
         except (*BROKEN_FILE, AttributeError, AssertionError) as error:

@@ -18,7 +18,6 @@ from evaluation.jobs import Work, run_jobs, run_recorded
 from evaluation.records import read_records
 from evaluation.studies import eikonal_toy
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, UnknownNameError
-from piec_envs.versions import versions
 
 ROOT = Path(__file__).resolve().parents[2]
 CHORES = """
@@ -160,8 +159,11 @@ def test_a_study_does_not_depend_on_the_engine(ray, tmp_path):
 
 
 def test_workers_with_other_versions_are_refused():
-    assert engines._answer(versions(), max, 1, 2) == (2, None)
-    value, error = engines._answer({**versions(), "numpy": "0.1"}, max, 1, 2)
+    here = engines._installed()
+    assert engines._answer(here, max, 1, 2) == (2, None)
+    _, other = engines._answer({**here, "sources": "0" * 16}, max, 1, 2)
+    assert isinstance(other, EngineError) and "sources" in str(other)
+    value, error = engines._answer({**here, "numpy": "0.1"}, max, 1, 2)
     assert value is None and isinstance(error, EngineError) and "instead of 0.1" in str(error)
 
 

@@ -9,6 +9,7 @@ import pytest
 from evaluation.jobs import Context, Work, function_name, resolve, run_jobs, run_recorded
 from evaluation.records import read_records, to_json
 from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.versions import source
 
 WORKS = [Work({"n": n}, seed) for n in (3, 1) for seed in (0, 7)]
 
@@ -75,6 +76,23 @@ def test_only_what_is_missing_is_done(draw, tmp_path):
     (tmp_path / "draws.py").unlink()
     assert run_recorded(draw, WORKS[1::-1], path) == first[::-1]
     assert len(read_records(path)) == 2
+
+
+def test_records_name_the_sources_of_the_worker(draw, tmp_path):
+    for jobs in (1, 2):
+        records = run_recorded(draw, WORKS, tmp_path / f"{jobs}.jsonl", jobs)
+        assert [record["source"] for record in records] == [source()] * len(WORKS)
+
+    class Elsewhere(ThreadPoolExecutor):
+        """Workers whose tree was edited."""
+
+        def submit(self, function, *arguments):
+            result, seconds, _ = function(*arguments)
+            return super().submit(lambda: (result, seconds, {"digest": "other"}))
+
+    with Elsewhere(1) as pool:
+        records = run_recorded(draw, WORKS, tmp_path / "other.jsonl", pool)
+    assert all(record["source"] == {"digest": "other"} for record in records)
 
 
 def test_functions_have_names():

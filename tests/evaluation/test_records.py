@@ -15,6 +15,7 @@ import pytest
 from evaluation.jobs import Work, run_recorded
 from evaluation.records import RecordFile, from_json, make_record, read_records, to_json, work_key
 from piec_envs.errors import RecordError
+from piec_envs.versions import source
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -48,6 +49,32 @@ def test_round_trip(tmp_path):
     assert records[1]["result"] == {"x": 1 / 3}
     assert {"python", "numpy", "numba", "gymnasium", "mujoco", "piec-envs"} <= set(records[0]["versions"])
     assert read_records(tmp_path / "missing.jsonl") == []
+
+
+def test_a_record_names_the_sources_it_was_made_by(tmp_path):
+    (record,) = write(tmp_path / "r.jsonl", 1)
+    assert record["source"] == source()
+    with RecordFile(tmp_path / "r.jsonl") as file:
+        file.append(make_record({"a": 1}, 7, {}, 0.1, {"commit": "abc", "modified": True, "digest": "0"}))
+    assert read_records(tmp_path / "r.jsonl")[1]["source"] == {"commit": "abc", "modified": True, "digest": "0"}
+
+
+def test_records_from_before_sources_were_noted_stay_readable(tmp_path):
+    old = {name: value for name, value in make_record({"a": 1}, 0, {"x": 0}, 0.1).items() if name != "source"}
+    path = tmp_path / "r.jsonl"
+    path.write_text(json.dumps(old, separators=(",", ":")) + "\n")
+    assert read_records(path) == [old]
+    assert run_recorded("nowhere:nothing", [Work({"a": 1}, 0)], path) == [old]
+    with RecordFile(tmp_path / "copy.jsonl") as file:
+        file.append(old)
+    assert read_records(tmp_path / "copy.jsonl") == [old]
+
+
+def test_every_committed_record_is_readable_and_has_the_key_of_its_spec():
+    files = sorted((ROOT / "results").glob("*/records.jsonl"))
+    records = [record for file in files for record in read_records(file)]
+    assert len(files) >= 18 and len(records) > 3000
+    assert all(record["key"] == work_key(record["spec"], record["seed"]) for record in records)
 
 
 @pytest.mark.parametrize("keep", [1, 10, 26, 27, 60, -1])
