@@ -15,8 +15,9 @@ from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.errors import RenderingError, UnknownNameError
 from piec_envs.rendering.drawing import base_position, link_outlines, robot_frames
+from piec_envs.rendering.escape import picture_field
 from piec_envs.rendering.field import FIELD_TOP, _filled
-from piec_envs.rendering.frame import picture_field, render_frame
+from piec_envs.rendering.frame import render_frame
 from piec_envs.rendering.view import close_view
 from piec_envs.world.objects import OBJECTS, get_object
 from piec_envs.world.robots import ROBOTS, get_robot

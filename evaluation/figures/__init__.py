@@ -2,15 +2,17 @@
 
 from evaluation.figures.animation import animate_rollouts
 from evaluation.figures.base import MODES, Mode, Trajectory
+from evaluation.figures.comparison import field_comparison
 from evaluation.figures.curves import contact_fractions, distance_bands, final_distances, over_time
-from evaluation.figures.fields import RelativeError, error_map, field_comparison
+from evaluation.figures.fields import RelativeError, error_map
 from evaluation.figures.learning import learning_curves, success_matrix
 from evaluation.figures.mismatch import Executed, mismatch_paths, shape_mismatches
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
 from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, posture_scenes, value_dots
 from evaluation.figures.robustness import Robustness, robustness
-from evaluation.figures.scenes import field_strip, keyframes, overview, trajectories
+from evaluation.figures.scenes import keyframes, overview, trajectories
 from evaluation.figures.space import space_keyframes
+from evaluation.figures.strip import field_strip
 from evaluation.figures.tracking import Tracked, reference_paths, tradeoff
 from evaluation.figures.transfer import transfer_paths
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 DPI = 150
 CAGING = f"caging = {CAGING_SCALE:g} T"  # label of colour bars
 GREY = "#8b91a0"
+TITLE_LINE = 15.0  # height of the second line above a panel, points
 NOMINAL, MEAN = "#2f6fb7", "#c9302c"  # object paths without disturbance, and mean of the disturbed ones
 
 # Matplotlib settings of every figure, in force while it is drawn alone.
@@ -196,10 +197,25 @@ def bounds(trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], 
     return np.stack([cloud.min(axis=0) - margin, cloud.max(axis=0) + margin], axis=1)
 
 
+def panel_title(ax: Axes, name: str, note: str, colour: Any = INK) -> None:
+    """Two lines above a panel, so that they do not run into those of its neighbours.
+
+    Args:
+        ax: the panel.
+        name: in bold; "" leaves it out.
+        note: below it, plain; "" keeps its place.
+        colour: of the name.
+    """
+    ax.set_title(note or " ", loc="left", fontsize=8.5, pad=3.0)
+    if name:
+        place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "bottom"}
+        ax.annotate(name, (0, 1), (0, TITLE_LINE), color=colour, fontweight="bold", fontsize=10, **place)
+
+
 def show_scene(ax: Axes, box: np.ndarray) -> None:
     """Turn an axis into a window on the plane: no frame, equal scales, this box ((x, x), (y, y))."""
     ax.set_axis_off()
-    ax.set_aspect("equal")
+    ax.set_aspect("equal", anchor="N")  # at the top of its place, so that the layout knows where titles end
     ax.set_xlim(*box[0])
     ax.set_ylim(*box[1])
 
@@ -218,7 +234,8 @@ def colour_bar(
     """
     axes = np.asarray(axes)
     rows = 1 if axes.ndim == 1 else len(axes)
-    bar = figure.colorbar(image, ax=axes, shrink=0.8 / rows**0.5, aspect=22 * rows**0.5, pad=0.01, extend=extend)
+    place: dict[str, Any] = {"shrink": 0.8 / rows**0.5, "aspect": 22 * rows**0.5, "pad": 0.01, "panchor": False}
+    bar = figure.colorbar(image, ax=axes, extend=extend, **place)  # the axes keep their anchors
     bar.set_label(label, fontsize=8.5)
     bar.outline.set_visible(False)
 

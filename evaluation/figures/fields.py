@@ -1,4 +1,4 @@
-"""Escape fields side by side: their contours and escape paths, and where they differ from the exact one."""
+"""Where escape fields differ from the exact one, side by side."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import CAGING, colour_bar, figure_file, show_scene
+from evaluation.figures.base import colour_bar, figure_file, show_scene
 from piec_envs.escape.base import BatchedField, draw_map
-from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.rendering.drawing import (
-    INK,
-    OBJECT,
     base_position,
-    draw_escape_path,
     draw_robot,
     draw_workspace,
     link_outlines,
 )
-from piec_envs.rendering.field import WALL, FieldStyle, carried_into_wall, draw_field, draw_nodes, draw_wall
+from piec_envs.rendering.field import (
+    WALL,
+    carried_into_wall,
+    draw_nodes,
+    draw_wall,
+)
 from piec_envs.world.robots import Robot, get_robot
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ FREE = 0.05  # distance to the robot from which on errors count, m
 NEAR, NEARER = 0.75, 0.5  # half-widths of views of the robot, m
 ERROR_LIMIT = 5.0  # percent at the ends of the colour scale
 ERROR_COLOURS = ("#1f4e8c", "#7fa6d1", "#f7f7f5", "#e6a06c", "#a3441c")  # too short, exact, too long
-WAY: dict[str, Any] = {"linewidth": 1.6, "label": "fastest way out"}
-EXACT_WAY: dict[str, Any] = {"color": "white", "linewidth": 3.6, "alpha": 0.8, "zorder": 6.8, "label": "the exact one"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,64 +120,6 @@ def view(robot: Robot, q: np.ndarray, near: float | None = None) -> np.ndarray:
     return np.stack([centre - half, centre + half], axis=1)
 
 
-def field_comparison(
-    fields: Mapping[str, BatchedField],
-    configurations: Sequence[np.ndarray],
-    points: Sequence[np.ndarray],
-    path: str | os.PathLike,
-    near: float | None = NEAR,
-) -> Path:
-    """Rows of configurations, columns of fields: caging with contours, and the fastest way out of a point.
-
-    Args:
-        fields: by label, of one robot; the path of the first, the exact one, is drawn in all panels.
-        configurations: joint positions, each of shape (n,), rad or m.
-        points: the point in each configuration, each of shape (2,), m.
-        path: where to write the PNG.
-        near: half-width of panels around the robot, m; None shows all of the workspace.
-
-    Returns:
-        The path.
-    """
-    exact, *_ = fields.values()
-    with figure_file(path, SIDE * len(fields) + 0.7, ROW * len(configurations) + 0.65) as figure:
-        axes = _panels(figure, configurations, fields)
-        for row, q, point in zip(axes, configurations, points, strict=True):
-            way = exact.escape_path(point, q)
-            for ax, field in zip(row, fields.values(), strict=True):
-                image = draw_comparison(ax, field, q, point, None if field is exact else way)
-                show_scene(ax, view(get_robot(field.robot_name), q, near))
-        colour_bar(figure, image, axes, CAGING)
-        figure.legend(*axes[-1, -1].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return Path(path)
-
-
-def draw_comparison(
-    ax: Axes, field: BatchedField, q: np.ndarray, point: np.ndarray, exact_way: np.ndarray | None = None
-) -> AxesImage:
-    """Draw a field with its fastest way out of a point, and the exact one beneath as a pale band.
-
-    Args:
-        ax: where to draw.
-        field: the field.
-        q: joint positions, shape (n,), rad or m.
-        point: shape (2,), m.
-        exact_way: shape (m, 2), m; None draws none.
-
-    Returns:
-        The heat map, for a colour bar.
-    """
-    robot = get_robot(field.robot_name)
-    image = draw_field(ax, robot, q, field.solve(q), FieldStyle(field.speed, labels=False, line=0.6))
-    draw_robot(ax, robot, q, linewidth=0.7)
-    draw_escape_path(ax, field.escape_path(point, q), **WAY)
-    if exact_way is not None:
-        draw_escape_path(ax, exact_way, **EXACT_WAY)
-    ax.plot(*point, marker="*", ms=11, mfc=OBJECT, mec=INK, mew=0.8, zorder=9)
-    _note(ax, f"caging {CAGING_SCALE * field.query(np.reshape(point, (1, 2)), q)[0]:.3f}")
-    return image
-
-
 def error_map(
     reference: BatchedField,
     fields: Mapping[str, BatchedField],
@@ -199,7 +140,7 @@ def error_map(
         The path.
     """
     with figure_file(path, SIDE * len(fields) + 0.7, ROW * len(configurations) + 0.3) as figure:
-        axes = _panels(figure, configurations, fields)
+        axes = panels(figure, configurations, fields)
         for row, q in zip(axes, configurations, strict=True):
             for ax, field in zip(row, fields.values(), strict=True):
                 image = draw_error(ax, RelativeError.between(reference, field, q, near), reference, q)
@@ -225,7 +166,7 @@ def draw_error(ax: Axes, error: RelativeError, reference: BatchedField, q: np.nd
     draw_wall(ax, robot, q, reference.speed)
     draw_robot(ax, robot, q, linewidth=0.7)
     values = {"median": error.median, "p95": error.p95, "max": error.largest}
-    _note(ax, "   ".join(f"{name} {_percent(value)}" for name, value in values.items()))
+    note(ax, "   ".join(f"{name} {_percent(value)}" for name, value in values.items()))
     return image
 
 
@@ -237,7 +178,7 @@ def _error_colours() -> Colormap:
     return LinearSegmentedColormap.from_list("error", ERROR_COLOURS).with_extremes(bad=WALL)
 
 
-def _panels(figure: Figure, rows: Sequence[np.ndarray], labels: Mapping[str, Any]) -> np.ndarray:
+def panels(figure: Figure, rows: Sequence[np.ndarray], labels: Mapping[str, Any]) -> np.ndarray:
     """Axes, shape (rows, labels), with the labels as titles of the first row."""
     axes: Any = figure.subplots(len(rows), len(labels), squeeze=False)
     for ax, label in zip(axes[0], labels, strict=True):
@@ -245,9 +186,9 @@ def _panels(figure: Figure, rows: Sequence[np.ndarray], labels: Mapping[str, Any
     return axes
 
 
-def _note(ax: Axes, text: str) -> None:
+def note(ax: Axes, text: str) -> None:
     """A small line under a panel; a blank holds its height, so that its width does not narrow the panel."""
-    style: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "top", "fontsize": 8}
+    style: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "top", "fontsize": 7}
     ax.text(0.5, -0.02, " ", **style)
     ax.text(0.5, -0.02, text, **style).set_in_layout(False)
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from evaluation.figures.base import figure_file, show_scene
 from piec_envs.escape.base import FieldMap
-from piec_envs.rendering.drawing import INK, OBJECT, draw_escape_circle, draw_escape_path, union_patch
+from piec_envs.rendering.drawing import INK, OBJECT, draw_escape_circle, union_patch
+from piec_envs.rendering.escape import ENCLOSED, FREE, draw_way, way_handle
 from piec_envs.rendering.field import carried_into_wall, draw_nodes, field_colours
 
 if TYPE_CHECKING:
@@ -60,6 +61,12 @@ class ObstaclePanel:
         """Whether a way leads out of everywhere."""
         return bool(np.isfinite(self.time).all())
 
+    def walled(self, way: np.ndarray) -> np.ndarray:
+        """Which points of a way, shape (m, 2), m, lie in the obstacle, by the node beside them, shape (m,)."""
+        x, y, _, speed = self.field_map
+        j, i = (np.rint((way[:, k] - axis[0]) / (axis[1] - axis[0])).astype(int) for k, axis in enumerate((x, y)))
+        return speed[i.clip(0, len(y) - 1), j.clip(0, len(x) - 1)] < speed.max() * (1 - 1e-9)
+
     @property
     def beside_star(self) -> np.ndarray:
         """Room for text in the cavity, across from the star, shape (2,), m."""
@@ -82,12 +89,15 @@ def escape_times(panels: Sequence[ObstaclePanel], path: str | os.PathLike) -> Pa
         The path.
     """
     top = LEVEL_STEP * np.ceil(max(panel.longest for panel in panels) / LEVEL_STEP)
-    with figure_file(path, 2 * SIDE + 0.2, (SIDE + 0.3) * len(panels) + 0.5) as figure:
+    with figure_file(path, 2 * SIDE + 0.2, (SIDE + 0.3) * len(panels) + 0.75) as figure:
         rows: Any = figure.subplots(len(panels), 2, squeeze=False)
         for (left, right), panel in zip(rows, panels, strict=True):
             field, speed = draw_time(left, panel, top), draw_speed(right, panel)
             left.set_title(f"escape time T, {panel.title}")
             right.set_title(f"speed, {panel.title}")
+        if any(panel.walled(way).any() for panel in panels for way in panel.paths):
+            handles = [way_handle(FREE, dashed=False), way_handle(ENCLOSED, dashed=True)]
+            figure.legend(handles=handles, loc="outside lower center", ncols=2, handlelength=2.6)
         _bar(figure, field, rows[:, 0], "T [s]")
         _bar(figure, speed, rows[:, 1], "speed [m/s]")
     return Path(path)
@@ -114,7 +124,8 @@ def draw_time(ax: Axes, panel: ObstaclePanel, top: float) -> AxesImage:
     ring = _ring(panel, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=3)
     ax.add_artist(ring)
     for way in panel.paths:
-        draw_escape_path(ax, way, linewidth=2.2)
+        walled = panel.walled(way)
+        draw_way(ax, way, walled, bool(walled.any()), linewidth=2.2)
     _mark(ax, panel)
     if not panel.open:
         x_text, y_text = panel.beside_star
@@ -186,6 +197,6 @@ def _window(ax: Axes, panel: ObstaclePanel) -> None:
 
 
 def _bar(figure: Figure, image: AxesImage, axes: np.ndarray, label: str) -> None:
-    bar = figure.colorbar(image, ax=list(axes), location="bottom", shrink=0.7, aspect=32, pad=0.01)
+    bar = figure.colorbar(image, ax=list(axes), location="bottom", panchor=False, shrink=0.7, aspect=32, pad=0.01)
     bar.set_label(label, fontsize=8.5)
     bar.outline.set_visible(False)

@@ -5,25 +5,23 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import figure_file, mix, show_scene
+from evaluation.figures.base import CAGING, colour_bar, figure_file, mix, panel_title, show_scene
 from piec_envs.errors import RenderingError
-from piec_envs.escape.field import CAGING_SCALE, object_escape_time
-from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import (
+    KEY_POINT,
     base_position,
-    draw_escape_path,
     draw_key_points,
     draw_object,
     draw_robot,
 )
-from piec_envs.rendering.field import FieldStyle, draw_field
-from piec_envs.rendering.frame import picture_field
+from piec_envs.rendering.escape import Escape, draw_escape, solve_escape, way_handles
+from piec_envs.rendering.field import FieldStyle, draw_field, field_top
 from piec_envs.rendering.space import SpaceFrames
 from piec_envs.rendering.view import close_view
 from piec_envs.world.objects import get_object
@@ -33,8 +31,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
+    from matplotlib.lines import Line2D
 
-SIDE = 3.3  # of a panel, inches
+SIDE, LEAST_WIDTH = 3.3, 5.8  # of a panel; of a figure whose legend is a row, inches
 COLUMNS = 4  # of the legend, at most
 SERIES = ("#882255", "#3b7db8", "#44aa99", "#e69f00", "#555b6b")  # colours of methods
 
@@ -49,7 +48,7 @@ class PosturePanel:
         pose: the object's x, y, angle, shape (3,), m and rad.
         q_r: joint positions, shape (n,), rad or m.
         label: what figures call it.
-        enclosed: whether nothing leads out; otherwise the fastest way out is drawn.
+        enclosed: whether nothing leads out, where a record says so; None lets the field decide.
     """
 
     robot_name: str
@@ -57,30 +56,35 @@ class PosturePanel:
     pose: np.ndarray
     q_r: np.ndarray
     label: str
-    enclosed: bool = False
+    enclosed: bool | None = None
+
+    @property
+    def escape(self) -> Escape:
+        """The field, and the fastest way out."""
+        item = get_object(self.object_name)
+        escape = solve_escape(self.robot_name, item, self.pose, self.q_r)
+        return escape if self.enclosed is None else replace(escape, enclosed=self.enclosed)
 
 
-def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImage:
+def draw_posture(ax: Axes, panel: PosturePanel, escape: Escape, top: float, close: bool = False) -> AxesImage:
     """Draw a posture with the field's heat map and contours, the object and its key points.
 
     Args:
         ax: where to draw.
         panel: what to draw.
+        escape: how its object gets out.
+        top: caging at the end of the colour scale.
         close: whether to show the surroundings of robot and object alone.
 
     Returns:
         The heat map, for a colour bar.
     """
-    robot, item, speed = get_robot(panel.robot_name), get_object(panel.object_name), SpeedModel()
-    field = picture_field(panel.robot_name, speed)
-    image = draw_field(ax, robot, panel.q_r, field.solve(panel.q_r), FieldStyle(speed, labels=False, line=0.6))
-    if not panel.enclosed:
-        draw_escape_path(ax, field.escape_path(panel.pose[:2], panel.q_r), linewidth=1.6)
+    robot, item = get_robot(panel.robot_name), get_object(panel.object_name)
+    image = draw_field(ax, robot, panel.q_r, escape.field_map, FieldStyle(labels=False, line=0.6, top=top))
+    draw_escape(ax, escape, linewidth=1.6)
     draw_robot(ax, robot, panel.q_r, linewidth=0.8)
     draw_object(ax, item, panel.pose, linewidth=0.8)
     draw_key_points(ax, item, panel.pose, s=11)
-    caging = CAGING_SCALE * object_escape_time(field, item.key_points, panel.pose, panel.q_r)
-    ax.set_title(("enclosed,  " if panel.enclosed else "") + f"caging {caging:.2f}", loc="right", fontsize=9)
     centre, half = base_position(robot, panel.q_r), 1.02 * robot.workspace_radius
     if close:
         centre, half = close_view(robot, panel.q_r, item, panel.pose)
@@ -88,10 +92,35 @@ def draw_posture(ax: Axes, panel: PosturePanel, close: bool = False) -> AxesImag
     return image
 
 
-def _bar(figure: Figure, image: AxesImage, axes: np.ndarray) -> None:
-    bar = figure.colorbar(image, ax=list(np.ravel(axes)), shrink=0.75, aspect=24, pad=0.01, extend="max")
-    bar.set_label(f"caging = {CAGING_SCALE:g} T")
-    bar.outline.set_visible(False)
+def _draw_all(
+    figure: Figure, axes: np.ndarray, rows: Sequence[Sequence[PosturePanel]], close: bool, named: bool
+) -> None:
+    """Postures on one colour scale, with titles, a colour bar and a legend of the ways out.
+
+    Args:
+        figure: where they are.
+        axes: one for each panel, shape (rows, columns).
+        rows: the panels.
+        close: whether to show the surroundings of robot and object alone.
+        named: whether panels carry their labels.
+    """
+    panels = [panel for row in rows for panel in row]
+    escapes = [panel.escape for panel in panels]
+    top = field_top(escape.caging for escape in escapes)
+    for ax, panel, escape in zip(np.ravel(axes), panels, escapes, strict=True):
+        image = draw_posture(ax, panel, escape, top, close)
+        word = "enclosed" if escape.enclosed else "open"
+        panel_title(ax, panel.label if named else "", f"caging {escape.caging:.2f}, {word}")
+    colour_bar(figure, image, axes, CAGING)
+    handles = [*way_handles(escapes), _key_point_handle()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.6)
+
+
+def _key_point_handle() -> Line2D:
+    """A sample of a key point for a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], marker="o", ms=4, mfc=KEY_POINT, mec="white", lw=0, label="key point, where T is asked")
 
 
 def posture_row(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path:
@@ -104,12 +133,9 @@ def posture_row(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path
     Returns:
         The path.
     """
-    with figure_file(path, SIDE * len(panels) + 0.7, SIDE + 0.25) as figure:
-        axes = np.ravel(figure.subplots(1, len(panels)))
-        images = [draw_posture(ax, panel) for ax, panel in zip(axes, panels, strict=True)]
-        for ax, panel in zip(axes, panels, strict=True):
-            ax.set_title(panel.label, loc="left", fontweight="bold")
-        _bar(figure, images[-1], axes)
+    with figure_file(path, max(SIDE * len(panels) + 0.7, LEAST_WIDTH), SIDE + 0.75) as figure:
+        axes = figure.subplots(1, len(panels), squeeze=False)
+        _draw_all(figure, axes, [panels], close=False, named=True)
     return Path(path)
 
 
@@ -124,13 +150,12 @@ def posture_grid(rows: Sequence[Sequence[PosturePanel]], path: str | os.PathLike
         The path.
     """
     side = 0.8 * SIDE
-    with figure_file(path, side * len(rows[0]) + 0.7, (side + 0.25) * len(rows)) as figure:
+    with figure_file(path, max(side * len(rows[0]) + 0.7, LEAST_WIDTH), (side + 0.25) * len(rows) + 0.3) as figure:
         axes = figure.subplots(len(rows), len(rows[0]), squeeze=False)
+        _draw_all(figure, axes, rows, close=True, named=False)
         for line, panels in zip(axes, rows, strict=True):
-            images = [draw_posture(ax, panel, close=True) for ax, panel in zip(line, panels, strict=True)]
             name: Any = {"rotation": 90, "ha": "right", "va": "center", "fontweight": "bold", "fontsize": 10}
             line[0].text(-0.02, 0.5, panels[0].label, transform=line[0].transAxes, **name)
-        _bar(figure, images[-1], axes)
     return Path(path)
 
 
@@ -145,15 +170,14 @@ def posture_scenes(panels: Sequence[PosturePanel], path: str | os.PathLike) -> P
         The path.
     """
     scenes = _scenes(panels)
-    with figure_file(path, SIDE * len(panels) + 0.7, SIDE * (1 + len(scenes) // len(panels)) + 0.25) as figure:
+    height = SIDE * (1 + len(scenes) // len(panels)) + 0.75
+    with figure_file(path, max(SIDE * len(panels) + 0.7, LEAST_WIDTH), height) as figure:
         axes = figure.subplots(1 + len(scenes) // len(panels), len(panels), squeeze=False)
-        for ax, scene in zip(axes[0], scenes, strict=False):
+        for ax, scene, panel in zip(axes[0], scenes, panels, strict=False):
             ax.imshow(scene)
             ax.set_axis_off()
-        images = [draw_posture(ax, panel, close=True) for ax, panel in zip(axes[-1], panels, strict=True)]
-        for ax, panel in zip(axes[0], panels, strict=True):
-            ax.set_title(panel.label, loc="left", fontweight="bold")
-        _bar(figure, images[-1], axes)
+            panel_title(ax, panel.label, "")
+        _draw_all(figure, axes[-1:], [panels], close=True, named=not scenes)
     return Path(path)
 
 
@@ -202,7 +226,7 @@ def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str]
         ax.scatter([], [], s=20, facecolors="white", edgecolors="#5b6170", label="not enclosed")
         ax.set_xticks(range(len(places)), list(places))
         ax.set_ylabel("caging")
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(0.0, 1.06 * ax.get_ylim()[1])
         lines = -(-(len(values) + 1) // COLUMNS)  # rounded up
         figure.legend(loc="outside upper center", ncols=-(-(len(values) + 1) // lines))
     return Path(path)

@@ -1,4 +1,4 @@
-"""Figures of the plane: keyframes of plans, disturbed object paths, the escape-time field along a plan."""
+"""Figures of the plane: keyframes of plans, and disturbed object paths."""
 
 from __future__ import annotations
 
@@ -11,40 +11,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import (
-    CAGING,
     GREY,
     MEAN,
     NOMINAL,
     Trajectory,
     bounds,
-    colour_bar,
     figure_file,
     mix,
     mode_of,
+    panel_title,
     show_scene,
 )
-from piec_envs.escape.field import CAGING_SCALE, object_escape_time
-from piec_envs.escape.speed import SpeedModel
+from evaluation.figures.strip import draw_strip, goal_handle, strip_steps
 from piec_envs.rendering.drawing import (
     GOAL,
     INK,
-    base_position,
-    draw_escape_path,
     draw_ghost,
     draw_goal,
     draw_object,
     draw_reference,
     draw_robot,
 )
-from piec_envs.rendering.field import FieldStyle, draw_field
-from piec_envs.rendering.frame import picture_field
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
+    from matplotlib.lines import Line2D
 
-PANEL = 3.6  # width of a panel, inches
+PANEL, INNER = 3.6, 3.4  # width of a panel with and without the space around it, inches
 PATH_POINTS = 300  # of an object path in a figure
 
 
@@ -109,10 +103,9 @@ def _path(ax: Axes, pose: np.ndarray, **style) -> None:
 
 
 def _title(ax: Axes, trajectory: Trajectory, note: str = "") -> None:
-    """Name of the mode in its colour, and a note after it."""
+    """Name of the mode in its colour, and a note below it."""
     mode = mode_of(trajectory.mode)
-    ax.set_title(mode.label, loc="left", color=mix(mode.colour, "black", 0.2), fontweight="bold")
-    ax.set_title(note, loc="right", fontsize=8.5)
+    panel_title(ax, mode.label, note, mix(mode.colour, "black", 0.2))
 
 
 def _success_note(trajectory: Trajectory) -> str:
@@ -139,7 +132,7 @@ def keyframes(trajectories: Sequence[Trajectory], path: str | os.PathLike) -> Pa
     """
     steps = [keyframe_steps(trajectory) for trajectory in trajectories]
     box = bounds([replace(trajectory, disturbed=None) for trajectory in trajectories], steps)
-    with figure_file(path, PANEL * len(trajectories), _panel_height(box, PANEL) + 0.3) as figure:
+    with figure_file(path, PANEL * len(trajectories), _panel_height(box, INNER) + 0.45) as figure:
         for ax, trajectory, shown in zip(np.ravel(figure.subplots(1, len(steps))), trajectories, steps, strict=True):
             draw_keyframes(ax, trajectory, shown)
             first = trajectory.first_contact
@@ -159,8 +152,8 @@ def trajectories(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path:
         The path.
     """
     box = bounds(plans, [[plan.steps] for plan in plans])
-    legend = 0.6 if len(plans) > 1 else 0.95  # of two rows below one panel, which has no room for a row of all
-    with figure_file(path, PANEL * len(plans), _panel_height(box, PANEL) + legend) as figure:
+    legend = 0.75 if len(plans) > 1 else 1.1  # of two rows below one panel, which has no room for a row of all
+    with figure_file(path, PANEL * len(plans), _panel_height(box, INNER) + legend) as figure:
         axes = np.ravel(figure.subplots(1, len(plans)))
         for ax, plan in zip(axes, plans, strict=True):
             draw_ghost(ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", INK, 0.3), alpha=1.0)
@@ -187,59 +180,6 @@ def _path_legend(figure: Figure, tracking: bool) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
-def strip_steps(trajectory: Trajectory, count: int) -> list[int]:
-    """Evenly spaced steps from the first contact (or the start) to the end."""
-    return np.linspace(trajectory.first_contact or 0, trajectory.steps, count).astype(int).tolist()
-
-
-def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, speed: SpeedModel | None = None) -> AxesImage:
-    """Draw the escape-time field at one step with the object's fastest way out.
-
-    Args:
-        ax: where to draw.
-        trajectory: the plan's execution.
-        step: which step.
-        speed: of the escaping object; None takes the default.
-
-    Returns:
-        The heat map, for a colour bar.
-    """
-    speed = speed or SpeedModel()
-    q, pose = trajectory.q_r[step], trajectory.pose[step]
-    field = picture_field(trajectory.robot_name, speed)
-    image = draw_field(ax, trajectory.robot, q, field.solve(q), FieldStyle(speed, labels=False, line=0.6))
-    draw_escape_path(ax, field.escape_path(pose[:2], q), linewidth=1.6)
-    draw_robot(ax, trajectory.robot, q, None if trajectory.contact is None else trajectory.contact[step], linewidth=0.7)
-    draw_object(ax, trajectory.object, pose, linewidth=0.8)
-    draw_goal(ax, trajectory.goal, linewidth=1.4)
-    caging = CAGING_SCALE * object_escape_time(field, trajectory.object.key_points, pose, q)
-    ax.set_title(f"t = {trajectory.period * step:.0f} s    caging {caging:.2f}", fontsize=9)
-    half = 1.02 * trajectory.robot.workspace_radius
-    centre = base_position(trajectory.robot, q)
-    show_scene(ax, np.stack([centre - half, centre + half], axis=1))
-    return image
-
-
-def field_strip(trajectory: Trajectory, path: str | os.PathLike, steps: Sequence[int] | None = None) -> Path:
-    """The escape-time field and the fastest way out at several times of a plan.
-
-    Args:
-        trajectory: the plan's execution.
-        path: where to write the PNG.
-        steps: which steps; None takes four from the first contact to the end.
-
-    Returns:
-        The path.
-    """
-    shown = list(strip_steps(trajectory, 4) if steps is None else steps)
-    side = 2.7
-    with figure_file(path, side * len(shown) + 0.6, side + 0.25) as figure:
-        axes = np.ravel(figure.subplots(1, len(shown)))
-        images = [draw_field_panel(ax, trajectory, step) for ax, step in zip(axes, shown, strict=True)]
-        colour_bar(figure, images[-1], axes, CAGING)
-    return Path(path)
-
-
 def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajectory | None = None) -> Path:
     """The hero picture: keyframes with disturbed object paths for each plan, the field of one of them below.
 
@@ -255,7 +195,7 @@ def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajec
     steps = [keyframe_steps(plan, between=1) for plan in plans]
     box = bounds(plans, steps)
     width, columns = PANEL * len(plans), 4
-    top, bottom = _panel_height(box, PANEL) + 0.3, (width - 0.6) / columns + 0.3
+    top, bottom = _panel_height(box, INNER) + 0.75, (width - 0.6) / columns + 0.75
     with figure_file(path, width, top + bottom) as figure:
         subfigures: Any = figure.subfigures(2, 1, height_ratios=[top, bottom])
         upper, lower = subfigures
@@ -264,7 +204,19 @@ def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajec
             draw_disturbed(ax, plan, nominal=False)
             _title(ax, plan, _success_note(plan))
             show_scene(ax, box)
-        axes = np.ravel(lower.subplots(1, columns))
-        images = [draw_field_panel(ax, strip, s) for ax, s in zip(axes, strip_steps(strip, columns), strict=True)]
-        colour_bar(lower, images[-1], axes, CAGING)
+        handles = _overview_handles()
+        upper.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        draw_strip(lower, strip, strip_steps(strip, columns))
     return Path(path)
+
+
+def _overview_handles() -> list[Line2D]:
+    """What the lines and dots of keyframes with disturbed paths mean."""
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D([], [], color=INK, lw=1.1, ls=(0, (1, 1.2)), label="object without disturbance"),
+        Line2D([], [], color=GREY, lw=0.8, label="disturbed"),
+        Line2D([], [], color=INK, marker="o", ms=3, lw=0, label="where they end"),
+        goal_handle(),
+    ]

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 HEIGHT, LEAST_WIDTH, CURVES = 2.9, 1.8, 4.2  # of the plane, and width of the curves beside it, inches
 MARGIN = 0.03  # around ways and goals, m
-NEAR = 0.2  # means closer than this share of their range have their labels in a pile
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +54,15 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
         The path.
     """
     colours = weight_colours(list(points))
-    with figure_file(path, 4.6, 3.3) as figure:
+    with figure_file(path, 4.6, 3.4) as figure:
         ax = figure.subplots()
         means = np.array([np.mean(points[weight], axis=0) for weight in sorted(points)]) * [1, 1e3]  # (weights, 2)
         ax.plot(*means.T, color="#b9bdc8", lw=1.0, zorder=2)
-        step, level = np.abs(np.diff(means, axis=0, prepend=np.inf)), 0
-        for mean, weight, jump in zip(means, sorted(points), step, strict=True):
-            level = level + 1 if (jump < NEAR * np.ptp(means, axis=0)).all() else 0  # labels of a cluster in a pile
+        for mean, weight in zip(means, sorted(points), strict=True):
             caging, error = np.asarray(points[weight]).T
             ax.scatter(caging, 1e3 * error, s=14, color=colours[weight], alpha=0.5, linewidths=0, zorder=3)
-            ax.scatter(mean[0], mean[1], s=64, color=colours[weight], edgecolors="white", linewidths=0.9, zorder=4)
-            _note_weight(ax, weight, mean, mix(colours[weight], "black", 0.25), level)
+            style: dict[str, Any] = {"s": 64, "edgecolors": "white", "linewidths": 0.9, "zorder": 4}
+            ax.scatter(mean[0], mean[1], color=colours[weight], label=_weight(weight), **style)
         ax.margins(x=0.14, y=0.14)
         ax.set_ylim(bottom=0)
         if limit is not None and 1e3 * limit <= ax.get_ylim()[1]:  # far above all plans it says nothing
@@ -75,16 +72,8 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
         ax.grid(axis="x")
         ax.set_xlabel("mean caging")
         ax.set_ylabel("mean tracking error [mm]")
+        figure.legend(loc="outside upper center", ncols=len(points), handletextpad=0.1, columnspacing=1.1)
     return Path(path)
-
-
-def _note_weight(ax: Axes, weight: float, point: Any, colour: Any, level: int) -> None:
-    """The weight beside its mean, above the line that leads on to larger ones and `level` other labels, legible."""
-    from matplotlib.patheffects import Normal, Stroke
-
-    halo = [Stroke(linewidth=2.5, foreground="white"), Normal()]
-    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.5, "zorder": 5, "path_effects": halo}
-    ax.annotate(_weight(weight), point, (-6, 6 + 10 * level), ha="right", color=colour, **style)
 
 
 def reference_paths(runs: Mapping[float, Sequence[Tracked]], path: str | os.PathLike) -> Path:

@@ -202,5 +202,5 @@ def _example(settings: Settings, by_case: Mapping[Any, Records]) -> Sequence[Pos
 
 def _panel(record: Mapping[str, Any], label: str, what: str = "posture") -> PosturePanel:
     result, spec = record["result"], record["spec"]
-    enclosed = result["enclosed"] and what == "posture"
+    enclosed = result["enclosed"] if what == "posture" else None
     return PosturePanel(ROBOT, spec["object"], np.array(spec["pose"]), np.array(result[what]), label, enclosed)

@@ -227,19 +227,25 @@ def _dot(ax: Axes, centre: np.ndarray, radius: float, **style: Any) -> None:
 
 def draw_escape_path(ax: Axes, path: np.ndarray, **style: Any) -> None:
     """Draw a fastest escape path, shape (m, 2), m; the grid's zigzag is smoothed over five points."""
-    padded = np.pad(path, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd") if len(path) > 4 else path
-    path = sliding_window_view(padded, 5, axis=0) @ _SMOOTH if len(path) > 4 else path
-    _cased_line(ax, path, **{"color": PATH, "linewidth": 2.0, "zorder": 7, **style})
+    cased_line(ax, escape_line(path), **{"color": PATH, "linewidth": 2.0, "zorder": 7, **style})
+
+
+def escape_line(path: np.ndarray) -> np.ndarray:
+    """A fastest escape path without the grid's zigzag, smoothed over five points, shape (m, 2), m."""
+    if len(path) <= 4:
+        return path
+    padded = np.pad(path, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
+    return sliding_window_view(padded, 5, axis=0) @ _SMOOTH
 
 
 def draw_trail(ax: Axes, trail: np.ndarray, **style: Any) -> None:
     """Draw where the object has been, shape (m, 2), m."""
-    _cased_line(ax, trail, **{"color": OBJECT, "linewidth": 1.6, "zorder": 5.5, **style})
+    cased_line(ax, trail, **{"color": OBJECT, "linewidth": 1.6, "zorder": 5.5, **style})
 
 
 def draw_reference(ax: Axes, reference: np.ndarray, **style: Any) -> None:
     """Draw the path to be tracked, shape (m, 2), m."""
-    _cased_line(ax, reference, **{"color": GOAL, "linewidth": 1.6, "linestyle": (0, (4, 2)), "zorder": 4.4, **style})
+    cased_line(ax, reference, **{"color": GOAL, "linewidth": 1.6, "linestyle": (0, (4, 2)), "zorder": 4.4, **style})
 
 
 def draw_workspace(ax: Axes, robot: Robot, q: np.ndarray) -> Any:
@@ -264,10 +270,14 @@ def draw_goal(ax: Axes, goal: np.ndarray, radius: float = GOAL_RADIUS, **style: 
     _dot(ax, goal, radius, **{"facecolor": "none", "edgecolor": GOAL, "linewidth": 2.0, "zorder": 6.5, **style})
 
 
-def _cased_line(ax: Axes, points: np.ndarray, **style: Any) -> None:
-    """A line with a thin dark rim, legible on light and dark ground."""
+def cased_line(ax: Axes, points: np.ndarray, **style: Any) -> None:
+    """Draw a line, shape (m, 2), m, with a thin dark rim, legible on light and dark ground."""
+    style = {"solid_capstyle": "round", "path_effects": rim(style["linewidth"]), **style}
+    ax.plot(points[:, 0], points[:, 1], **style)
+
+
+def rim(linewidth: float) -> list[Any]:
+    """Path effects that give a line of this width, points, its dark rim."""
     from matplotlib.patheffects import Normal, Stroke
 
-    rim = Stroke(linewidth=style["linewidth"] + 1.2, foreground=INK, alpha=0.55)
-    style = {"solid_capstyle": "round", "path_effects": [rim, Normal()], **style}
-    ax.plot(points[:, 0], points[:, 1], **style)
+    return [Stroke(linewidth=linewidth + 1.2, foreground=INK, alpha=0.55), Normal()]

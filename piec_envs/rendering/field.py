@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 
 WALL = "#9aa0ad"
 FIELD_COLOURS = ("#cfd6ea", "#a3a6d3", "#8377b8", "#6a4a9b", "#4c2477", "#2a0f4a")  # caging 0 to FIELD_TOP
-FIELD_TOP = 1.0  # caging at the end of the colour scale
-CONTOURS = 0.1 * np.arange(1, 10)  # caging
+FIELD_TOP = 1.0  # caging at the end of the colour scale, at least
+TOP_STEP, CONTOUR_STEP = 0.2, 0.1  # of that end, where captions go beyond it, and between contours, caging
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,20 @@ class FieldStyle:
         labels: whether contours carry their value.
         font: size of these labels, points.
         line: width of the contours, points.
+        top: caging at the end of the colour scale.
     """
 
     speed: SpeedModel = field(default_factory=SpeedModel)
     labels: bool = True
     font: float = 7.5
     line: float = 0.7
+    top: float = FIELD_TOP
+
+
+def field_top(values: Iterable[float]) -> float:
+    """The end of a colour scale that reaches up to all of these values of caging, inf left out."""
+    highest = max((value for value in values if np.isfinite(value)), default=0.0)
+    return max(FIELD_TOP, TOP_STEP * float(np.ceil(highest / TOP_STEP - 1e-9)))
 
 
 @cache
@@ -68,15 +77,16 @@ def draw_field(
     """
     style = style or FieldStyle()
     x, y = field_map.x, field_map.y
-    caging = _filled(field_map, style.speed)
-    scale: dict[str, Any] = {"cmap": field_colours(), "vmin": 0.0, "vmax": FIELD_TOP}
+    caging = _filled(field_map, style.speed, style.top)
+    levels = CONTOUR_STEP * np.arange(1, round(style.top / CONTOUR_STEP))
+    scale: dict[str, Any] = {"cmap": field_colours(), "vmin": 0.0, "vmax": style.top}
     image = draw_nodes(ax, x, y, caging, interpolation="bilinear", **scale)
     circle = draw_workspace(ax, robot, q)
     image.set_clip_path(circle)
-    lines = ax.contour(x, y, caging, levels=CONTOURS, colors="white", linewidths=style.line, alpha=0.85, zorder=2)
+    lines = ax.contour(x, y, caging, levels=levels, colors="white", linewidths=style.line, alpha=0.85, zorder=2)
     lines.set_clip_path(circle)
     if style.labels:
-        ax.clabel(lines, CONTOURS[1::2], fmt="%.1f", fontsize=style.font, inline_spacing=3, zorder=2.5)
+        ax.clabel(lines, levels[1::2], fmt="%.1f", fontsize=style.font, inline_spacing=3, zorder=2.5)
     draw_wall(ax, robot, q, style.speed)
     return image
 
@@ -102,11 +112,11 @@ def draw_wall(ax: Axes, robot: Robot, q: np.ndarray, speed: SpeedModel) -> None:
     ax.add_artist(union_patch(wall, facecolor=WALL, edgecolor="none", zorder=3))
 
 
-def _filled(field_map: FieldMap, speed: SpeedModel) -> np.ndarray:
+def _filled(field_map: FieldMap, speed: SpeedModel, top: float = FIELD_TOP) -> np.ndarray:
     """Caging on the grid, carried on evenly into the wall, which hides it, so that contours run up to it."""
     wall = field_map.speed <= max(speed.leak, speed.floor) * speed.u_bar * (1 + 1e-9)  # (N, N)
-    caging = CAGING_SCALE * np.where(np.isfinite(field_map.T), field_map.T, FIELD_TOP / CAGING_SCALE)
-    return np.minimum(carried_into_wall(caging, wall), FIELD_TOP)
+    caging = CAGING_SCALE * np.where(np.isfinite(field_map.T), field_map.T, top / CAGING_SCALE)
+    return np.minimum(carried_into_wall(caging, wall), top)
 
 
 def carried_into_wall(values: np.ndarray, wall: np.ndarray) -> np.ndarray:

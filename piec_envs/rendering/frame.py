@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +10,10 @@ from piec_envs.dynamics.base import CONTROL_PERIOD
 from piec_envs.dynamics.free_bodies import places_of
 from piec_envs.episodes.tasks import MEASURES
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.escape.grid import GridField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import (
     INK,
     base_position,
-    draw_escape_path,
     draw_goal,
     draw_key_points,
     draw_loose,
@@ -26,9 +23,10 @@ from piec_envs.rendering.drawing import (
     draw_trail,
     draw_workspace,
 )
+from piec_envs.rendering.escape import ENCLOSED, Escape, draw_escape, solve_escape
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.view import View, episode_view
-from piec_envs.world.objects import get_object
+from piec_envs.world.objects import Object, get_object
 from piec_envs.world.robots import Robot
 
 if TYPE_CHECKING:
@@ -39,7 +37,7 @@ if TYPE_CHECKING:
     from piec_envs.episodes.cage import CageBatch
 
 INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
-RESOLUTION = 100  # nodes a side of the field in a picture
+SAID_ENCLOSED = ENCLOSED.replace(": ", ":\n").splitlines()  # narrow, for the corner beside the workspace
 MARGIN = 1.03  # visible half-width over that of the view
 
 
@@ -62,12 +60,6 @@ def pixels(figure: Figure) -> np.ndarray:
     return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
 
 
-@cache
-def picture_field(robot_name: str, speed: SpeedModel) -> GridField:
-    """The grid field that pictures show, whatever field the episode itself is measured by."""
-    return GridField(robot_name, RESOLUTION, "marching", speed, threads=1)
-
-
 def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None, size: int = 720) -> np.ndarray:
     """Draw the present state of one episode.
 
@@ -82,30 +74,30 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
     """
     figure, ax = new_axis(size)
     q, pose = batch.state.q_r[row], batch.state.pose[row]
+    item, escape = get_object(batch.state.params[row].object), None
     if batch.field is None:
         draw_workspace(ax, batch.robot, q)
     else:
-        _draw_escape(ax, batch.robot, q, pose[:2], getattr(batch.field, "speed", SpeedModel()))
+        escape = _draw_escape(ax, batch.robot, item, pose, q, getattr(batch.field, "speed", SpeedModel()))
     if batch.tracking:
         draw_reference(ax, batch.task.reference)
     if trail is not None and len(trail) > 1:
         draw_trail(ax, trail)
     draw_goal(ax, batch.task.goal)
     draw_robot(ax, batch.robot, q, batch.contact[row])
-    item = get_object(batch.state.params[row].object)
     draw_loose(ax, item, places_of(item, q, pose, batch.state.memory[row])[1:])
     draw_object(ax, item, pose)
-    _caption(ax, batch, row)
+    _caption(ax, batch, row, escape is not None and escape.enclosed)
     _look_at(ax, episode_view(batch.robot, q, batch.task))
     return pixels(figure)
 
 
-def _draw_escape(ax: Axes, robot: Robot, q: np.ndarray, start: np.ndarray | None, speed: SpeedModel) -> None:
-    """The field around a posture, and the fastest way out from a point (2,), if one is given."""
-    grid = picture_field(robot.name, speed)
-    draw_field(ax, robot, q, grid.solve(q), FieldStyle(speed))
-    if start is not None:
-        draw_escape_path(ax, grid.escape_path(start, q))
+def _draw_escape(ax: Axes, robot: Robot, item: Object, pose: np.ndarray, q: np.ndarray, speed: SpeedModel) -> Escape:
+    """The field around a posture, and the fastest way out for an object."""
+    escape = solve_escape(robot.name, item, pose, q, speed)
+    draw_field(ax, robot, q, escape.field_map, FieldStyle(speed))
+    draw_escape(ax, escape)
+    return escape
 
 
 def render_posture(batch: CageBatch, row: int, size: int = 720) -> np.ndarray:
@@ -121,24 +113,24 @@ def render_posture(batch: CageBatch, row: int, size: int = 720) -> np.ndarray:
     """
     figure, ax = new_axis(size)
     q, pose, item = batch.q_r[row], batch.pose[row], get_object(batch.config.object)
-    start = None if batch.enclosed[row] else pose[:2]  # the way through the leaky wall is none
-    _draw_escape(ax, batch.robot, q, start, getattr(batch.field, "speed", SpeedModel()))
+    _draw_escape(ax, batch.robot, item, pose, q, getattr(batch.field, "speed", SpeedModel()))
     draw_robot(ax, batch.robot, q)
     draw_object(ax, item, pose)
     draw_key_points(ax, item, pose)
-    word = "enclosed" if batch.enclosed[row] else "not enclosed" if batch.done[row] else "start"
-    _note(ax, [word, f"caging = {CAGING_SCALE * batch.escape_time[row]:.2f}"])
+    words = SAID_ENCLOSED if batch.enclosed[row] else ["not enclosed" if batch.done[row] else "start"]
+    _note(ax, [*words, f"caging = {CAGING_SCALE * batch.escape_time[row]:.2f}"])
     _look_at(ax, View(base_position(batch.robot, q), batch.robot.workspace_radius))
     return pixels(figure)
 
 
-def _caption(ax: Axes, batch: EpisodeBatch, row: int) -> None:
+def _caption(ax: Axes, batch: EpisodeBatch, row: int, enclosed: bool) -> None:
     """Time, caging and distance to the goal region in the upper left corner."""
     time = CONTROL_PERIOD * int(batch.state.step[row])
     distance = batch.measures[row, MEASURES.index("d2g")]
     lines = [f"t = {time:.1f} s", f"d2g = {distance:.3f} m"]
     if batch.field is not None:
         lines.insert(1, f"caging = {CAGING_SCALE * batch.state.escape_time[row]:.2f}")
+    lines += SAID_ENCLOSED if enclosed else []
     _note(ax, lines)
 
 

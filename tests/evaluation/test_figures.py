@@ -16,7 +16,8 @@ from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout
 from evaluation.figures.base import MODES, bounds, mode_of
 from evaluation.figures.fields import RelativeError, view
 from evaluation.figures.mismatch import end_box
-from evaluation.figures.scenes import keyframe_steps, strip_steps
+from evaluation.figures.scenes import keyframe_steps
+from evaluation.figures.strip import strip_steps
 from evaluation.metrics import Interval
 from evaluation.studies.annulus import Annulus
 from evaluation.studies.contact_methods import METHODS
