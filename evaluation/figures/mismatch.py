@@ -167,7 +167,8 @@ def shape_mismatches(planned: Object, true: Sequence[Object], path: str | os.Pat
             _draw_mismatch(ax, planned, item)
             show_scene(ax, reach * np.array([[-1.3, 1.1], [-1.1, 1.1]]))
         handles = _mismatch_handles(planned.name)
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=1.6)
+        columns = len(handles) if len(true) > 2 else 2
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=1.6)
     return Path(path)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -14,7 +15,6 @@ import pytest
 from evaluation import figures
 from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
 from evaluation.figures.base import MODES, bounds, mode_of
-from evaluation.figures.fields import RelativeError, view
 from evaluation.figures.mismatch import end_box
 from evaluation.figures.scenes import keyframe_steps
 from evaluation.figures.strip import strip_steps
@@ -25,10 +25,8 @@ from evaluation.tables import Estimate
 from piec_envs.errors import InvalidParameterError, MissingDependencyError, RenderingError
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.obstacle import ObstacleField
-from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.space import SpaceFrames
 from piec_envs.world.objects import get_object
-from piec_envs.world.robots import get_robot
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS, ROLLOUTS = 60, 7
@@ -78,6 +76,10 @@ ROW = figures.Robustness(
 )
 ROBUST = {name: {plan.mode: ROW for plan in PLANS} for name in ("friction-0.00", "friction-1.00", "shape-square")}
 
+JUG = ("franka_capsules", "water_jug", np.array([0.1, 0.3, 0.0]), np.array([0.3, -2.0, 1.5]))
+POSTURES = [figures.PosturePanel(*JUG, label=f"a start with a long name, {k}") for k in range(4)]
+DOTS = np.array([[0.34, 0.009], [0.3401, 0.0091]])  # plans that are alike
+
 DRAW = {
     "keyframes": lambda path: figures.keyframes(PLANS, path),
     "trajectories": lambda path: figures.trajectories(PLANS, path),
@@ -96,17 +98,51 @@ DRAW = {
     "robustness": lambda path: figures.robustness(ROBUST, path),
     "escape_times": lambda path: figures.escape_times([PANEL], path),
     "field_comparison": lambda path: figures.field_comparison(FIELDS, CURLED, WITHIN, path),
+    "posture_row": lambda path: figures.posture_row(POSTURES, path),
+    "posture_grid": lambda path: figures.posture_grid([POSTURES[:2], POSTURES[2:]], path),
+    "value_dots": lambda path: figures.value_dots(
+        {name: [np.array([[0.44, 0.0], [0.43, 1.0]])] * 2 for name in ("CMA-ES", "SQP")}, ["here", "there"], path
+    ),
+    "tradeoff": lambda path: figures.tradeoff({1.0: DOTS, 50.0: 1.001 * DOTS, 100.0: 3 * DOTS}, path, limit=0.03),
     "error_map": lambda path: figures.error_map(EXACT, {"coarse": COARSE}, CURLED, path),
 }
 
 
 @pytest.mark.parametrize("name", DRAW)
-def test_figure_is_written(name, tmp_path):
+def test_figure_is_written(name, tmp_path, monkeypatch):
+    texts = drawn_texts(monkeypatch)
     path = DRAW[name](tmp_path / "made" / f"{name}.png")
     picture = imageio.imread(path)
     assert picture.ndim == 3 and min(picture.shape[:2]) > 100
     assert 0.01 < (picture[..., :3] < 250).any(axis=-1).mean() < 0.9  # neither blank nor full
     assert [file.name for file in path.parent.iterdir()] == [path.name]  # no temporary file is left
+    check_apart(list(texts.values()))
+
+
+def drawn_texts(monkeypatch):
+    """The texts that are drawn from now on; those along contours and walls, which they lie on, left out."""
+    from matplotlib.text import Text
+
+    texts, draw = {}, Text.draw
+
+    def keep(self, renderer):
+        draw(self, renderer)
+        if self.get_visible() and self.get_text().strip() and self.get_rotation_mode() != "anchor":
+            texts[id(self)] = self
+
+    monkeypatch.setattr(Text, "draw", keep)
+    return texts
+
+
+def check_apart(texts):
+    """Check that no text is cut off by the edge of its figure, and that none lies on another."""
+    boxes = [(text.get_text(), np.reshape(text.get_window_extent().extents, (2, 2))) for text in texts]
+    size = np.array(texts[0].get_figure(root=True).bbox.size)
+    for text, (low, high) in boxes:
+        assert (low > -1).all() and (high < size + 1).all(), f"{text!r} is cut off"
+    for (text, (low, high)), (other, (beside_low, beside_high)) in combinations(boxes, 2):
+        overlap = np.minimum(high, beside_high) - np.maximum(low, beside_low)
+        assert overlap.min() < 1, f"{text!r} lies on {other!r}"
 
 
 @pytest.mark.parametrize(
@@ -182,34 +218,6 @@ def test_enclosed_points_stay_without_colour():
     assert PANEL.longest == SOLVED.solve().T[np.isfinite(SOLVED.solve().T)].max()
 
 
-@pytest.mark.parametrize("near", [None, 0.5])
-def test_error_of_a_slower_world_is_even(near):
-    slower = GridField(resolution=64, speed=SpeedModel(u_bar=0.05 / 1.02), threads=1)
-    error = RelativeError.between(EXACT, slower, CURLED[0], near)
-    np.testing.assert_allclose(error.percent[error.counted], 2.0, rtol=1e-6)
-    assert [error.median, error.p95, error.largest] == pytest.approx([2.0, 2.0, 2.0])
-    assert (error.percent[np.hypot(*np.meshgrid(error.x, error.y)) >= 1.4] == 0).all()
-
-
-def test_error_counts_free_nodes_in_view():
-    robot = get_robot("planar_arm")
-    whole, close = (RelativeError.between(EXACT, COARSE, CURLED[0], near) for near in (None, 0.4))
-    (x_min, x_max), (y_min, y_max) = view(robot, CURLED[0], 0.4)
-    x, y = np.meshgrid(close.x, close.y)
-    inside = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
-    assert np.array_equal(close.counted, whole.counted & inside)
-    assert whole.distance[whole.counted].min() > 0.05 and 0 < close.counted.sum() < whole.counted.sum()
-    assert 0 < whole.p95 < close.p95 < close.largest <= whole.largest  # free space far from the robot has no error
-
-
-def test_error_leaves_out_what_is_enclosed():
-    hard = GridField(resolution=64, speed=SpeedModel(leak=0.0), threads=1)
-    q = np.array([-2.58, -1.32, -1.93, -1.56])
-    error = RelativeError.between(hard, EXACT, q)
-    enclosed = np.isinf(hard.solve(q).T) & (error.distance > 0.05)
-    assert enclosed.any() and not np.isfinite(error.percent[enclosed]).any() and not error.counted[enclosed].any()
-
-
 PLANAR_MODES = [name for name in MODES if name not in METHODS]
 
 
@@ -272,13 +280,10 @@ def test_postures_without_opengl_are_drawn_in_the_plane_alone(tmp_path, monkeypa
     def no_opengl(*args, **kwargs):
         raise RenderingError("no OpenGL here")
 
-    panel = figures.PosturePanel(
-        "franka_capsules", "water_jug", np.array([0.1, 0.3, 0.0]), np.array([0.3, -2.0, 1.5]), "jug"
-    )
     monkeypatch.setattr(SpaceFrames, "scene", no_opengl)
     with pytest.warns(UserWarning, match="in the plane alone: no OpenGL here"):
-        flat = figures.posture_scenes([panel], tmp_path / "flat.png")
+        flat = figures.posture_scenes(POSTURES[:1], tmp_path / "flat.png")
     monkeypatch.setattr(SpaceFrames, "scene", lambda *args, **kwargs: np.zeros((72, 72, 3), dtype=np.uint8))
-    both = figures.posture_scenes([panel], tmp_path / "both.png")
+    both = figures.posture_scenes(POSTURES[:1], tmp_path / "both.png")
     flat_height, both_height = (imageio.imread(path).shape[0] for path in (flat, both))
     assert both_height > 1.5 * flat_height
