@@ -36,7 +36,7 @@ class CmaEsPlanner:
 
     Args:
         objective: row of the table of objectives.
-        preset: "default" or "paper": weights of the stage cost.
+        preset: "default", "paper" or "paper-miss": weights of the stage cost and the contact model.
         population: trajectories in each iteration of one search.
         iterations: iterations of a search on the nominal model.
         restarts: searches that begin side by side; the best plan is taken.

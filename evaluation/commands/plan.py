@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("--env", default=PUSH, help="id of the environment (default: %(default)s)")
     parser.add_argument("--objective", default="caging", help="contact, proximity, caging or adversarial")
-    parser.add_argument("--preset", default="default", help="weights of the stage cost: default or paper")
+    parser.add_argument("--preset", default="default", help="weights: default, paper (to the letter) or paper-miss")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (default: %(default)s)")
     parser.add_argument(
         "--planner", nargs="+", metavar="NAME=VALUE", help="settings of the planner, such as iterations=20 restarts=1"

@@ -24,9 +24,6 @@ from planners import Plan
 PLANNER_SEEDS = (0, 1, 2, 3, 4)
 DRAWN_STARTS = 20
 SMOKE_PLANNER = {"iterations": 2, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
-# One search of 100 iterations with 50 samples, from rest (paper, appendix A.2.1).
-PAPER_PLANNER = {"preset": "paper", "restarts": 1, "robust_iterations": 0, "start": "rest"}
-PAPER_PLANT = {"preset": "paper"}
 DO = "evaluation.studies.work:do"
 
 
@@ -68,12 +65,6 @@ class Case:
 def mode_cases(objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]) -> list[Case]:
     """One case for each objective; all else is the same."""
     return [Case(name, {**planner, "objective": name}, env_kwargs) for name in objectives]
-
-
-def paper_cases(objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]) -> list[Case]:
-    """The same with the preset `paper` and the paper's budget, for planning and for execution."""
-    own = {**planner, **PAPER_PLANNER}
-    return [Case(f"{name}, paper", {**own, "objective": name}, {**env_kwargs, **PAPER_PLANT}) for name in objectives]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,6 @@ from evaluation.figures import animate_rollouts, keyframes, mismatch_paths, over
 from evaluation.figures.base import mode_of
 from evaluation.studies.common import (
     DRAWN_STARTS,
-    PAPER_PLANNER,
-    PAPER_PLANT,
     PLANNER_SEEDS,
     Case,
     StudyRun,
@@ -26,9 +24,12 @@ from evaluation.studies.common import (
     spread,
     success_columns,
 )
+from evaluation.studies.contact_notes import CARRY, MISMATCH_NOTES, NOISE_NOTES, USAGE_NOTES, method_notes
 from evaluation.studies.mismatch import Results, evaluate_all, executed
+from evaluation.studies.paper import paper_case
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.tables import Rates, write_table
+from piec_envs.episodes.tasks import PAPER_PRESETS
 from piec_envs.escape.field import CAGING_SCALE, choose_field, object_escape_time
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
@@ -45,31 +46,9 @@ CONTROLS: Mapping[str, tuple[Mapping[str, Any], str]] = {
     "WAContact, caged start": (CAGE, "contact"),
     "WACaging, open start": (OPEN, "caging"),
 }
-CARRY = "rigid-carry"
+PAPER_CONTROLS = tuple(f"{name}, {preset}" for preset in PAPER_PRESETS for name in ("WAContact", "WACaging"))
 ANIMATED_EVERY = 20  # steps between two frames
 SMALL_TABLE = {"name": "table", "resolution": 49, "spacing": 0.3}  # solved in no time, for smoke runs
-NOISE_NOTES = """\
-n counts distinct executions: plans x rollouts, under `disturbance-5mm` (Gaussian, sigma = 5 mm for each axis in each
-step of 0.1 s). First plan: rate of the first planner seed with Wilson's 95 % interval; each plan: rates of all seeds,
-their mean with a bootstrap over plans, and the least. d2g: distance to the goal region at the end, mean ± standard
-deviation over executions; goal distance: to its centre. Through itself: plans along which parts of the arm cross."""
-MISMATCH_NOTES = """\
-d2g, m: distance to the goal region at the end, mean over executions; success: rate of each plan. From the task's
-start a plan is one execution; drawn starts lie within 0.01 m and 0.05 rad of it. n counts distinct executions in each
-column: plans x executions. The plans are made for friction 0.5, the study's object and the quasi-dynamic model."""
-USAGE_NOTES = """\
-n counts distinct executions, one of each plan, without noise. Mean over time, mean ± standard deviation over plans.
-Caging, 0.02 T_hat, is that of the parts that can touch the object; whole-arm caging is what all parts together would
-give. Arm distance: mean over the links that can touch."""
-METHOD_NOTES = """\
-Point and Link touch the object with a sphere at the fingertips and with the last link and the gripper, the others
-with the whole arm. Each starts from its own solution of the static problem (study `franka-starts`): the best cage
-that its contact geometry makes; WAContact, whose prior any touching posture satisfies, from `open`, elbow and wrist
-at right angles, which touches and does not close. Controls change one thing: the start posture, or weights and budget
-("paper": the paper's, from a caged start)."""
-CARRY_NOTES = """\
-Of the controls `rigid-carry` has another planner: it carries the caged start posture to the goal in a straight line
-and optimises nothing, so that its plans are one and the same."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +57,7 @@ class MethodSettings:
 
     Args:
         methods: keys of METHODS.
-        controls: keys of CONTROLS, "rigid-carry", or methods followed by ", paper".
+        controls: keys of CONTROLS, "rigid-carry", or methods followed by ", " and one of the paper's presets.
         planner_seeds: one plan of each case for each.
         noise: protocol of the table of displacements.
         mismatches: protocols of the table of other plants, and what figures call them.
@@ -131,7 +110,7 @@ def compare_methods(settings: MethodSettings, env_id: str, study: StudyRun, prin
     noisy, results = study.evaluate(cases, settings.noise), evaluate_all(study, cases, columns)
     disturbed, mismatch = disturbed_rows(cases, plans, noisy, printed.noise), mismatch_rows(cases, results, columns)
     usage, folder = usage_rows(study, cases, results["nominal"]), study.out_dir
-    methods = f"{METHOD_NOTES}\n\n{CARRY_NOTES}" if CARRY in settings.controls else METHOD_NOTES
+    methods = method_notes(settings.controls)
     for row in printed_rows(printed, columns):
         last = max(k for k, other in enumerate(mismatch) if other["method"] == row["method"])
         mismatch.insert(last + 1, row)
@@ -161,11 +140,6 @@ class Budget:
         """A method under this budget."""
         return Case(label, {**self.planner, "objective": objective}, {**self.env_kwargs, **env_kwargs}, self.env_id)
 
-    def paper(self, label: str, env_kwargs: Mapping[str, Any], objective: str) -> Case:
-        """A method with the paper's preset and budget, for planning and for execution."""
-        planner = {**self.planner, **PAPER_PLANNER, "objective": objective}
-        return Case(label, planner, {**self.env_kwargs, **env_kwargs, **PAPER_PLANT}, self.env_id)
-
     def carry(self) -> Case:
         """The control that optimises nothing."""
         return Case(CARRY, {"name": CARRY}, {**self.env_kwargs, **CAGE}, self.env_id)
@@ -177,7 +151,7 @@ def all_cases(budget: Budget, methods: Sequence[str], controls: Sequence[str]) -
     Args:
         budget: of all of them.
         methods: keys of METHODS.
-        controls: keys of CONTROLS, `rigid-carry`, or methods followed by ", paper".
+        controls: keys of CONTROLS, `rigid-carry`, or methods followed by ", " and one of the paper's presets.
     """
     main = [budget.case(name, *METHODS[name]) for name in methods]
     others = []
@@ -185,8 +159,9 @@ def all_cases(budget: Budget, methods: Sequence[str], controls: Sequence[str]) -
         method, _, rest = name.partition(", ")
         if name == CARRY:
             others.append(budget.carry())
-        elif rest == "paper":
-            others.append(budget.paper(name, CAGE, METHODS[method][1]))
+        elif rest in PAPER_PRESETS:
+            caged = {**budget.env_kwargs, **CAGE}
+            others.append(paper_case(method, rest, METHODS[method][1], caged, budget.env_id))
         else:
             others.append(budget.case(name, *CONTROLS[name]))
     return main, others

@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
-from evaluation.studies.contact_methods import CONTROLS, SMALL_TABLE, MethodSettings, Printed, compare_methods
+from evaluation.studies.contact_methods import (
+    CONTROLS,
+    PAPER_CONTROLS,
+    SMALL_TABLE,
+    MethodSettings,
+    Printed,
+    compare_methods,
+)
 
 ENV = "piec_envs/FrankaPush-v0"
 MISMATCHES = {
@@ -42,7 +49,7 @@ PLANNER: Mapping[str, Any] = {
 class Settings(MethodSettings):
     """All knobs of the study; see `MethodSettings`."""
 
-    controls: tuple[str, ...] = (*CONTROLS, "WAContact, paper", "WACaging, paper")
+    controls: tuple[str, ...] = (*CONTROLS, *PAPER_CONTROLS)
     mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)
     planner: Mapping[str, Any] = field(default_factory=lambda: PLANNER)
 

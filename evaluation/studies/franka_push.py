@@ -12,7 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
-from evaluation.studies.contact_methods import CARRY, CONTROLS, SMALL_TABLE, MethodSettings, Printed, compare_methods
+from evaluation.studies.contact_methods import (
+    CARRY,
+    CONTROLS,
+    PAPER_CONTROLS,
+    SMALL_TABLE,
+    MethodSettings,
+    Printed,
+    compare_methods,
+)
 
 ENV = "piec_envs/MobileFrankaPush-v0"
 MISMATCHES = {  # in the order of the paper's columns
@@ -41,7 +49,7 @@ PLANNER = {"sigma": 0.05, "restarts": 2, "survivors": 1, "robust_samples": 4}
 class Settings(MethodSettings):
     """All knobs of the study; see `MethodSettings`."""
 
-    controls: tuple[str, ...] = (CARRY, *CONTROLS, "WAContact, paper", "WACaging, paper")
+    controls: tuple[str, ...] = (CARRY, *CONTROLS, *PAPER_CONTROLS)
     mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)
     planner: Mapping[str, Any] = field(default_factory=lambda: PLANNER)
 

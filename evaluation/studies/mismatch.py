@@ -11,8 +11,9 @@ from evaluation.figures import Executed, final_distances, mismatch_paths
 from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.protocols import get_protocol
 from evaluation.studies.common import Case, StudyRun, column, executions
+from evaluation.studies.paper import all_notes
 from evaluation.studies.pictures import first_trajectories, over_plans, trajectory_env
-from evaluation.tables import Estimate, Rates
+from evaluation.tables import Estimate, Rates, write_table
 
 Results = Mapping[str, list[list[dict[str, Any]]]]  # protocol -> for each case the results of `evaluate_once`
 
@@ -122,6 +123,26 @@ def shortfalls(cases: Sequence[Case], results: Results, label: str = "caging") -
 def notes(cases: Sequence[Case], results: Results, *own: str) -> str:
     """Notes of a table: the study's own, what is shared, and where caging falls short."""
     return "\n\n".join(filter(None, [*own, NOTES, shortfalls(cases, results)]))
+
+
+def paper_table(study: StudyRun, cases: Sequence[Case], protocols: Sequence[str], title: str, own: str) -> list[Path]:
+    """The same rows for the plans with the paper's presets and budget, in a table `paper`.
+
+    Args:
+        study: the run.
+        cases: from `paper_cases`; none writes nothing.
+        protocols: those of the study's own table.
+        title: of that table.
+        own: the study's own notes.
+
+    Returns:
+        The files written.
+    """
+    if not cases:
+        return []
+    rows = mismatch_rows(cases, evaluate_all(study, cases, protocols))
+    text = all_notes(f"{own}\n\n{NOTES}", [case.label for case in cases])
+    return write_table(study.out_dir, rows, f"{title}, with the paper's weights and budget", text, "paper")
 
 
 def draw_mismatch(

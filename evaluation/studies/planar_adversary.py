@@ -27,6 +27,7 @@ from evaluation.studies.common import (
     success_columns,
     usage_columns,
 )
+from evaluation.studies.paper import all_notes, paper_cases
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.studies.planar_disturbance import draw_disturbed
 from evaluation.tables import write_table
@@ -46,6 +47,7 @@ class Settings:
 
     Args:
         objectives: what to compare.
+        paper: objectives planned with the paper's presets and budget as well.
         planner_seeds: one plan of each objective for each.
         protocols: how plans are disturbed; those in `drawn` go into the figures.
         drawn: the protocols of the figures, by growing sigma.
@@ -55,6 +57,7 @@ class Settings:
     """
 
     objectives: tuple[str, ...] = ("caging", "adversarial")
+    paper: tuple[str, ...] = ("contact", "proximity", "caging", "adversarial")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
     protocols: tuple[str, ...] = ("disturbance-1mm", "disturbance-3mm", "disturbance-5mm", "adversary")
     drawn: tuple[str, ...] = ("disturbance-1mm", "disturbance-3mm", "disturbance-5mm")
@@ -66,7 +69,14 @@ class Settings:
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
         protocols = ("disturbance-5mm", "adversary")
-        return cls(planner_seeds=(0,), protocols=protocols, drawn=protocols[:1], episodes=2, planner=SMOKE_PLANNER)
+        return cls(
+            paper=(),
+            planner_seeds=(0,),
+            protocols=protocols,
+            drawn=protocols[:1],
+            episodes=2,
+            planner=SMOKE_PLANNER,
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -82,7 +92,8 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
         The files written.
     """
     study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress)
-    cases = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
+    modes = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
+    cases = [*modes, *paper_cases(settings.paper, settings.env_kwargs)]
     plans, nominal = study.plan(cases), study.evaluate(cases, "nominal")
     usage = [
         {"objective": case.title, **home_columns(planned), **usage_columns(executed)}
@@ -94,10 +105,10 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
         for case, results in zip(cases, study.evaluate(cases, protocol), strict=True)
     ]
     tables = [
-        *write_table(study.out_dir, robust, "Mode 4 beside mode 3: disturbed", ROBUST_NOTES),
+        *write_table(study.out_dir, robust, "Mode 4 beside mode 3: disturbed", all_notes(ROBUST_NOTES, settings.paper)),
         *write_table(study.out_dir, usage, "Mode 4 beside mode 3: use of the arm", USAGE_NOTES, name="usage"),
     ]
-    return [*tables, *_draw(study, cases, nominal), *draw_disturbed(study, cases, settings.drawn)]
+    return [*tables, *_draw(study, modes, nominal), *draw_disturbed(study, modes, settings.drawn)]
 
 
 def _draw(study: StudyRun, cases: list[Case], nominal: list[list[dict]]) -> list[Path]:
@@ -105,7 +116,7 @@ def _draw(study: StudyRun, cases: list[Case], nominal: list[list[dict]]) -> list
     folder = study.out_dir
     fractions = {
         case.label: np.mean([result["contact_fraction"] for result in results], axis=0)
-        for case, results in zip(cases, nominal, strict=True)
+        for case, results in zip(cases, nominal, strict=False)
     }
     distance = {case.label: over_plans(study, case, "nominal", "mean_distance") for case in cases}
     caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}

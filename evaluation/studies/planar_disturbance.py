@@ -21,9 +21,9 @@ from evaluation.studies.common import (
     StudyRun,
     distance_columns,
     mode_cases,
-    paper_cases,
     success_columns,
 )
+from evaluation.studies.paper import all_notes, paper_cases
 from evaluation.studies.pictures import first_trajectories, over_plans, sigma_of
 from evaluation.tables import write_table
 
@@ -34,10 +34,8 @@ interval. Each plan: rates of all planner seeds; their mean with a bootstrap ove
 the least. Distances at the end: mean ± standard deviation over all executions. Deviation: largest
 distance of the object from the undisturbed execution at the same time, mean over executions. Noise:
 `disturbance-5mm` is Gaussian with sigma = 5 mm for each axis in each step of 0.1 s;
-`disturbance-5mm-direction` has the length 5 mm and a uniform direction. Rows called "paper" use the
-preset `paper` and the paper's budget, for planning and for execution. Caging is planned with the robot's
-default field; rows called "grid" with fast sweeping at 64 x 64
-on every 20th step."""
+`disturbance-5mm-direction` has the length 5 mm and a uniform direction. Caging is planned with the
+robot's default field; rows called "grid" with fast sweeping at 64 x 64 on every 20th step."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Settings:
 
     Args:
         objectives: what to compare.
-        paper: objectives shown with the preset `paper` as well.
+        paper: objectives planned with the paper's presets and budget as well.
         fields: escape fields that the caging plans are made with as well, beside the default one.
         planner_seeds: one plan of each objective for each.
         protocols: the noises; those in `drawn` go into the figures.
@@ -57,7 +55,7 @@ class Settings:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
-    paper: tuple[str, ...] = ("caging",)
+    paper: tuple[str, ...] = ("contact", "proximity", "caging")
     fields: tuple[str, ...] = ("grid",)
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
     protocols: tuple[str, ...] = (
@@ -106,14 +104,15 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     other = [
         Case(f"caging, {name}", {**planner, "escape_field": name}, settings.env_kwargs) for name in settings.fields
     ]
-    cases = [*modes, *other, *paper_cases(settings.paper, settings.planner, settings.env_kwargs)]
+    cases = [*modes, *other, *paper_cases(settings.paper, settings.env_kwargs)]
     study.plan(cases)
     rows = []
     for protocol in settings.protocols:
         for case, results in zip(cases, study.evaluate(cases, protocol), strict=True):
             rows.append({"noise": protocol, "objective": case.title, **success_columns(results)})
             rows[-1].update(distance_columns(results))
-    tables = write_table(study.out_dir, rows, "Which plans survive random displacements of the object", NOTES)
+    title = "Which plans survive random displacements of the object"
+    tables = write_table(study.out_dir, rows, title, all_notes(NOTES, settings.paper))
     return [*tables, *draw_disturbed(study, modes, settings.drawn)]
 
 

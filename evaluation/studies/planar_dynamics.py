@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
-from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes
+from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
+from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
 
 NOTES = "Plans are made with the quasi-dynamic model, under which `nominal` executes them."
@@ -25,6 +26,7 @@ class Settings:
 
     Args:
         objectives: what to compare.
+        paper: objectives planned with the paper's presets and budget as well, in a table of their own.
         planner_seeds: one plan of each objective for each.
         protocols: the true dynamics.
         starts: executions of each plan from drawn starts.
@@ -33,6 +35,7 @@ class Settings:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
+    paper: tuple[str, ...] = ("contact", "proximity", "caging")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
     protocols: tuple[str, ...] = ("dynamics-mujoco",)
     starts: int = DRAWN_STARTS
@@ -42,7 +45,7 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls(("contact", "caging"), (0,), starts=1, planner=SMOKE_PLANNER)
+        return cls(("contact", "caging"), (), (0,), starts=1, planner=SMOKE_PLANNER)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -59,13 +62,14 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     """
     study = StudyRun(Path(out_dir), settings.planner_seeds, 1, jobs, progress, settings.starts)
     cases = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
-    study.plan(cases)
-    results = evaluate_all(study, cases, ("nominal", *settings.protocols))
+    paper = paper_cases(settings.paper, settings.env_kwargs)
+    study.plan([*cases, *paper])
+    everything = ("nominal", *settings.protocols)
+    results = evaluate_all(study, cases, everything)
     title = "Plans of the quasi-dynamic model under MuJoCo"
     tables = write_table(study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES))
     return [
         *tables,
-        *draw_mismatch(
-            study, cases, settings.protocols, ("nominal", *settings.protocols), lambda name: LABELS.get(name, name)
-        ),
+        *paper_table(study, paper, everything, title, NOTES),
+        *draw_mismatch(study, cases, settings.protocols, everything, lambda name: LABELS.get(name, name)),
     ]

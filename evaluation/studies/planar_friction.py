@@ -13,7 +13,8 @@ from typing import Any
 
 from evaluation.protocols import get_protocol
 from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
-from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes
+from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
+from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
 
 NOTES = "Plans are made for friction 0.5: `friction-0.50` is the case without mismatch."
@@ -25,6 +26,7 @@ class Settings:
 
     Args:
         objectives: what to compare.
+        paper: objectives planned with the paper's presets and budget as well, in a table of their own.
         planner_seeds: one plan of each objective for each.
         protocols: the true frictions.
         drawn: those of the figures.
@@ -34,6 +36,7 @@ class Settings:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
+    paper: tuple[str, ...] = ("contact", "proximity", "caging")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
     protocols: tuple[str, ...] = ("friction-0.00", "friction-0.25", "friction-0.50", "friction-0.75", "friction-1.00")
     drawn: tuple[str, ...] = ("friction-0.00", "friction-0.25", "friction-0.75", "friction-1.00")
@@ -45,7 +48,7 @@ class Settings:
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
         protocols = ("friction-0.00", "friction-0.50")
-        return cls(("contact", "caging"), (0,), protocols, protocols[:1], starts=2, planner=SMOKE_PLANNER)
+        return cls(("contact", "caging"), (), (0,), protocols, protocols[:1], starts=2, planner=SMOKE_PLANNER)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -62,11 +65,13 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     """
     study = StudyRun(Path(out_dir), settings.planner_seeds, 1, jobs, progress, settings.starts)
     cases = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
-    study.plan(cases)
+    paper = paper_cases(settings.paper, settings.env_kwargs)
+    study.plan([*cases, *paper])
     results = evaluate_all(study, cases, settings.protocols)
     title = "Plans for friction 0.5 under other frictions"
     tables = write_table(study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES))
-    return [*tables, *draw_mismatch(study, cases, settings.drawn, settings.protocols, _label)]
+    drawn = draw_mismatch(study, cases, settings.drawn, settings.protocols, _label)
+    return [*tables, *paper_table(study, paper, settings.protocols, title, NOTES), *drawn]
 
 
 def _label(protocol: str) -> str:

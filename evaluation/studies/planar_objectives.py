@@ -23,9 +23,9 @@ from evaluation.studies.common import (
     StudyRun,
     home_columns,
     mode_cases,
-    paper_cases,
     usage_columns,
 )
+from evaluation.studies.paper import all_notes, paper_cases
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.tables import write_table
 
@@ -34,8 +34,7 @@ n counts distinct executions, one for each planner seed. Goal distance: object's
 at the end of each plan's nominal execution; "in the goal" counts those within 0.05 m. Link columns:
 fraction of the time in contact, mean over plans; arm distance: mean over links and time; caging:
 0.02 times the escape time, mean over time; both as mean ± standard deviation over plans. "Through
-itself" counts plans along which links cross. Rows called "paper" use the preset `paper` and the
-paper's budget, for planning and for execution."""
+itself" counts plans along which links cross."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +43,14 @@ class Settings:
 
     Args:
         objectives: what to compare.
-        paper: objectives shown with the preset `paper` as well.
+        paper: objectives planned with the paper's presets and budget as well.
         planner_seeds: one plan of each objective for each.
         planner: arguments of `CmaEsPlanner` beside the objective.
         env_kwargs: keyword arguments of the environment.
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
-    paper: tuple[str, ...] = ("caging",)
+    paper: tuple[str, ...] = ("contact", "proximity", "caging")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
     planner: Mapping[str, Any] = field(default_factory=dict)
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
@@ -76,14 +75,14 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     """
     study = StudyRun(Path(out_dir), settings.planner_seeds, episodes=1, jobs=jobs, progress=progress)
     modes = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
-    cases = [*modes, *paper_cases(settings.paper, settings.planner, settings.env_kwargs)]
+    cases = [*modes, *paper_cases(settings.paper, settings.env_kwargs)]
     plans = study.plan(cases)
     results = study.evaluate(cases, "nominal")
     rows = [
         {"objective": case.title, **home_columns(planned), **usage_columns(executed)}
         for case, planned, executed in zip(cases, plans, results, strict=True)
     ]
-    tables = write_table(study.out_dir, rows, "What the objectives make the arm do", NOTES)
+    tables = write_table(study.out_dir, rows, "What the objectives make the arm do", all_notes(NOTES, settings.paper))
     return [*tables, *_draw(study, modes, results)]
 
 

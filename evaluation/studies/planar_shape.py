@@ -18,7 +18,8 @@ from evaluation.figures import shape_mismatches
 from evaluation.protocols import get_protocol
 from evaluation.shape_mismatch import shape_mismatch
 from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
-from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes
+from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
+from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
 from piec_envs.world.objects import Object, get_object
 
@@ -35,6 +36,7 @@ class Settings:
 
     Args:
         objectives: what to compare.
+        paper: objectives planned with the paper's presets and budget as well, in a table of their own.
         planner_seeds: one plan of each objective for each.
         protocols: the true shapes.
         starts: executions of each plan from drawn starts.
@@ -43,6 +45,7 @@ class Settings:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
+    paper: tuple[str, ...] = ("contact", "proximity", "caging")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
     protocols: tuple[str, ...] = ("shape-octagon", "shape-hexagon", "shape-square")
     starts: int = DRAWN_STARTS
@@ -52,7 +55,7 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls(("contact", "caging"), (0,), ("shape-square",), starts=2, planner=SMOKE_PLANNER)
+        return cls(("contact", "caging"), (), (0,), ("shape-square",), starts=2, planner=SMOKE_PLANNER)
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -69,13 +72,15 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     """
     study = StudyRun(Path(out_dir), settings.planner_seeds, 1, jobs, progress, settings.starts)
     cases = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
-    study.plan(cases)
+    paper = paper_cases(settings.paper, settings.env_kwargs)
+    study.plan([*cases, *paper])
     everything = ("nominal", *settings.protocols)
     results = evaluate_all(study, cases, everything)
     planned = get_object(settings.env_kwargs.get("object", "circle"))
     true = [get_object(get_protocol(protocol).params["object"]) for protocol in settings.protocols]
     title, rows = f"Plans for the {planned.name} executed with other shapes", mismatch_rows(cases, results)
     tables = [
+        *paper_table(study, paper, everything, title, NOTES),
         *write_table(study.out_dir, rows, title, notes(cases, results, NOTES, PICTURES)),
         *write_table(
             study.out_dir, _shape_rows(planned, true), "How wrong the planned shape is", SHAPE_NOTES, "shapes"

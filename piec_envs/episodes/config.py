@@ -14,7 +14,7 @@ from piec_envs.dynamics.quasi_dynamic import SOLVERS
 from piec_envs.dynamics.table import DynamicsOptions
 from piec_envs.episodes.start_postures import checked_start, start_posture
 from piec_envs.episodes.state import PlantParams, check_randomize
-from piec_envs.episodes.tasks import PRESETS, PRIORS, CostWeights, Task, get_task
+from piec_envs.episodes.tasks import PAPER_PRESETS, PRESETS, PRIORS, CostWeights, Task, get_task
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import EscapeField, choose_field, resolve_field
 from piec_envs.world.objects import get_object
@@ -51,7 +51,8 @@ class EnvConfig:
         goal_conditioned: False, or True (sparse reward) or "dense", for dictionary observations.
         action_repeat: control steps of 0.1 s that one action lasts; their rewards add up, or the last counts
             if `goal_conditioned`. Above 1 the environment itself truncates at the task's horizon.
-        preset: "default" or "paper": weights of the stage cost and settings of the contact model.
+        preset: weights of the stage cost and settings of the contact model: "default"; "paper", the paper's
+            to the letter; or "paper-miss", those with the default's weight on a miss of the goal region.
         weights: changes to the preset's weights.
         noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
             then repaired), for the quasi-dynamic model.
@@ -177,7 +178,7 @@ class EnvConfig:
     @property
     def contact_model(self) -> ContactModel:
         """Settings of the quasi-dynamic model."""
-        model = PAPER_MODEL if self.preset == "paper" else ContactModel()
+        model = PAPER_MODEL if self.preset in PAPER_PRESETS else ContactModel()
         if self.noise_entry == "state":
             # Displacing the pose makes overlaps, which a stiffer contact would throw back.
             model = model._replace(state_noise=True, compliance=max(model.compliance, 1e-3))

@@ -15,7 +15,7 @@ REWARD_SCALE = 1e-3  # reward = -REWARD_SCALE * stage cost, of order 1 per step
 GOAL_RADIUS = 0.05  # m
 ARC = 2 * np.pi / 3  # rad, of the references of the mobile Franka
 TRACKING_TOLERANCE = 0.03  # m, on the mean tracking error of a successful episode
-PAPER_REFERENCE_POINTS = 50  # the preset `paper` tracks the nearest of this many points
+PAPER_REFERENCE_POINTS = 50  # the paper's presets track the nearest of this many points
 
 # Columns of `measure_rows`.
 MEASURES = (
@@ -54,14 +54,19 @@ class CostWeights(NamedTuple):
     miss: float = 1e5
 
 
-# For each preset, the weights of each kind of task. The paper writes w_track = lambda w_cage; lambda = 100 here.
+# The paper's weights to the letter (appendix A.2.1): nothing is added for where an episode ends. It writes
+# w_track = lambda w_cage; lambda = 100 here.
+_LETTER = {
+    "push": CostWeights(task=1e2, command=1e3, prior=1e2, saturation=np.inf, miss=0.0),
+    "track": CostWeights(task=1e4, command=1e3, prior=1e2, saturation=np.inf, shortest=True, miss=0.0),
+}
+# For each preset, the weights of each kind of task.
 PRESETS = {
     "default": {"push": CostWeights(), "track": CostWeights(task=1e4)},
-    "paper": {
-        "push": CostWeights(task=1e2, command=1e3, prior=1e2, saturation=np.inf),
-        "track": CostWeights(task=1e4, command=1e3, prior=1e2, saturation=np.inf, shortest=True),
-    },
+    "paper": _LETTER,
+    "paper-miss": {kind: weights._replace(miss=CostWeights().miss) for kind, weights in _LETTER.items()},
 }
+PAPER_PRESETS = ("paper", "paper-miss")  # with the paper's rigid contact and unlimited lead
 
 
 @dataclass(frozen=True, eq=False)
