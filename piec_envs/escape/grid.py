@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.errors import check_name
+from piec_envs.errors import InvalidParameterError, as_floats, check_name
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT, BatchedField
 from piec_envs.escape.between import Field, point_gradient, value
 from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
@@ -64,10 +64,12 @@ class GridField(BatchedField):
         threads: threads over the rows of a batch; None takes all cores.
         distance: "polygons", to the planar robot; or "rdf", to its bodies in space, in the plane
             (`piec_envs.geometry.rdf`, of the robot "franka" only).
+        radius: of the workspace disc, m; None takes the robot's.
 
     Raises:
         UnknownNameError: if the robot, the method or the distance is not known.
-        InvalidParameterError: if the resolution is below 16, or the robot has no such distance.
+        InvalidParameterError: if the resolution is below 16, the radius is not above 0, or the robot has no
+            such distance.
     """
 
     name = "grid"
@@ -80,16 +82,20 @@ class GridField(BatchedField):
         speed: SpeedModel | None = None,
         threads: int | None = None,
         distance: str = "polygons",
+        radius: float | None = None,
     ):
         check_name("method", method, METHODS)
         check_name("distance", distance, DISTANCES)
         robot = get_robot(robot_name)
+        if radius is not None and not float(as_floats("radius", radius, (), InvalidParameterError)) > 0:
+            raise InvalidParameterError(f"radius must be above 0 m, got {radius!r}")
         super().__init__(robot_name, robot.dof, speed or SpeedModel())
         self.resolution, self.method, self.threads, self.distance = int(resolution), method, threads, distance
         self._base = robot.base_dof
         self._scene = pack_scene(robot_name, "circle")
         self._packed = self.speed.packed()
-        self._disc = make_disc(robot.workspace_radius, self.speed.u_bar, resolution)
+        self.radius = robot.workspace_radius if radius is None else float(radius)
+        self._disc = make_disc(self.radius, self.speed.u_bar, resolution)
         self._spatial = None
         if distance == "rdf":
             self._spatial = SpatialDisc(robot_name, self._packed, self._disc, METHODS[method])
@@ -102,6 +108,7 @@ class GridField(BatchedField):
             "resolution": self.resolution,
             "method": self.method,
             "distance": self.distance,
+            "radius": self.radius,
             "speed": {key: float(number) for key, number in self._packed._asdict().items()},
         }
 
