@@ -2,7 +2,7 @@
 
 The weight of the tracking error over that of the caging, lambda, is varied on two arcs between the same ends, from
 the task's start, a cage that the base can carry along, and from an open posture that has to be closed on the way.
-The plans of the largest lambda from the task's start on the first arc are executed under displacements and on other
+The plans of the largest lambda on the first arc, from both postures, are executed under displacements and on other
 plants as well.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any
 
@@ -52,10 +52,12 @@ RANK_NOTES = """\
 Spearman's rank correlation of lambda with the mean tracking error and with the mean caging: of the means over plans
 at each lambda, and of the plans of each planner seed. n counts distinct executions."""
 ROBUST_NOTES = """\
-The plans of the largest lambda from the task's start under displacements of sigma = 5 mm for each axis in each step.
-n counts distinct executions: plans x rollouts. Success asks for d2g = 0 and a mean tracking error of at most 0.03 m."""
+The plans of the largest lambda on the first arc under displacements of sigma = 5 mm for each axis in each step, from
+the task's own start, a cage, and from the open one, from which alone lambda trades caging for tracking. n counts
+distinct executions: plans x rollouts. Success asks for d2g = 0 and a mean tracking error of at most 0.03 m."""
 PLANT_NOTES = """\
-The same plans on other plants, from the task's start and (`-start`) from starts drawn within 0.01 m and 0.05 rad.
+The same plans on other plants, from the object's own place and (`-start`) from places drawn within 0.01 m and 0.05
+rad of it; start: the arm's posture. Success asks for d2g = 0 and a mean tracking error of at most 0.03 m.
 n counts distinct executions: plans x executions. Deviation: largest distance from the unperturbed execution at the
 same time, and that at the end; intervals (95 %) by a bootstrap over plans, of single executions by Wilson."""
 
@@ -128,20 +130,38 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     results = dict(zip(cases, study.evaluate(list(cases.values()), "nominal"), strict=True))
     rows = [_row(study, *key, case, results[key]) for key, case in cases.items()]
     ranks = [_rank_row(*line, settings.ratios, results) for line in lines]
-    best = cases[*lines[0], max(settings.ratios)]
-    noisy = study.evaluate([best], settings.noise)[0]
-    robust = [{"plans": best.label, **success_columns(noisy), **distance_columns(noisy)}]
-    robust[0]["error, mm"] = float(np.average(1e3 * column(noisy, "tracking_error"), weights=column(noisy, "n")))
-    plants = plant_rows([best], evaluate_all(study, [best], ("nominal", *settings.mismatches)))
     folder = study.out_dir
+    tight = {posture: cases[posture, settings.sides[0], max(settings.ratios)] for posture in settings.postures}
+    robust, plants = _robustness(study, settings, tight)
     return [
         *write_table(folder, rows, "Tracking against caging", NOTES),
         *write_table(folder, ranks, "How tracking error and caging go with lambda", RANK_NOTES, "ranks"),
         *write_table(folder, robust, "Tracking under displacements", ROBUST_NOTES, "disturbed"),
         *write_table(folder, plants, "Tracking on other plants", PLANT_NOTES, "mismatch"),
-        *_draw_best(study, settings, cases),
+        *(path for posture in settings.postures for path in _draw_best(study, settings, posture, cases)),
         *(path for posture in settings.postures for path in _draw_lambdas(study, settings, posture, cases, results)),
     ]
+
+
+def _robustness(
+    study: StudyRun, settings: Settings, cases: Mapping[str, Case]
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of the tables of displacements and of other plants.
+
+    Args:
+        study: the run.
+        settings: name the noise and the plants.
+        cases: by the posture that they start from.
+    """
+    compared = list(cases.values())
+    noise = []
+    for (posture, case), found in zip(cases.items(), study.evaluate(compared, settings.noise), strict=True):
+        noise.append({"start": posture, "plans": case.label, **success_columns(found), **distance_columns(found)})
+        error = np.average(column(found, "tracking_error"), weights=column(found, "n"))
+        noise[-1]["error, mm"] = 1e3 * float(error)
+    plants = plant_rows(compared, evaluate_all(study, compared, ("nominal", *settings.mismatches)))
+    postures = cycle(cases)  # the rows of a protocol are those of the cases
+    return noise, [{"start": next(postures), **row} for row in plants]
 
 
 def _row(
@@ -185,16 +205,21 @@ def rank_correlation(first: Sequence[float], second: np.ndarray) -> float | None
     return float(spearmanr(first, second).statistic) if np.ptp(second) > 0 else None
 
 
-def _draw_best(study: StudyRun, settings: Settings, cases: Mapping[Any, Case]) -> list[Path]:
-    """Key frames of the extremes from the task's start, and how the plans of the largest lambda hold."""
-    folder, line = study.out_dir, (settings.postures[0], settings.sides[0])
+def _suffix(settings: Settings, posture: str) -> str:
+    """What the names of figures end in."""
+    return "" if posture == settings.postures[0] else f"_{posture}"
+
+
+def _draw_best(study: StudyRun, settings: Settings, posture: str, cases: Mapping[Any, Case]) -> list[Path]:
+    """Key frames of the extremes from one posture, and how the plans of the largest lambda hold."""
+    folder, suffix, line = study.out_dir, _suffix(settings, posture), (posture, settings.sides[0])
     extremes = [cases[*line, min(settings.ratios)], cases[*line, max(settings.ratios)]]
     best = extremes[-1:]
     runs = [[executed(study, best[0], name, label) for name, label in settings.mismatches.items()]]
     return study.draw(
-        partial(keyframes, first_trajectories(study, extremes), folder / "keyframes.png"),
-        partial(trajectories, first_trajectories(study, best, settings.noise), folder / "object_paths.png"),
-        partial(mismatch_paths, first_trajectories(study, best), runs, folder / "mismatch_paths.png"),
+        partial(keyframes, first_trajectories(study, extremes), folder / f"keyframes{suffix}.png"),
+        partial(trajectories, first_trajectories(study, best, settings.noise), folder / f"object_paths{suffix}.png"),
+        partial(mismatch_paths, first_trajectories(study, best), runs, folder / f"mismatch_paths{suffix}.png"),
     )
 
 
@@ -209,7 +234,7 @@ def _draw_lambdas(
         shown = [cases[posture, side, ratio] for side in settings.sides]
         caging = [over_plans(study, case, "nominal", "caging")[0] for case in shown]
         tracked[ratio] = [Tracked(*pair) for pair in zip(first_trajectories(study, shown), caging, strict=True)]
-    suffix = "" if posture == settings.postures[0] else f"_{posture}"
+    suffix = _suffix(settings, posture)
     return study.draw(
         partial(tradeoff, points, study.out_dir / f"tradeoff{suffix}.png", TRACKING_TOLERANCE),
         partial(reference_paths, tracked, study.out_dir / f"reference_paths{suffix}.png"),
