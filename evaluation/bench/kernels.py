@@ -13,6 +13,7 @@ from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.errors import MissingDependencyError
 from piec_envs.escape.grid import GridField
+from piec_envs.versions import install_command
 
 
 def contact_step(sizes: Sizes) -> list[Row]:
@@ -110,7 +111,7 @@ def escape_fields(sizes: Sizes, resolution: int = 100) -> list[Row]:
         rows.append(row(f"field, {method}", 1e3 * seconds[method], "ms", "", f"one core, {resolution} x {resolution}"))
     reference = _scikit_fmm(q, resolution, sizes.repeats)
     if reference is None:
-        return [*rows, {**row("field, scikit-fmm", np.nan, "ms"), "note": "scikit-fmm is not installed (extra 'dev')"}]
+        return [*rows, {**row("field, scikit-fmm", np.nan, "ms"), "note": f"needs scikit-fmm: {install_command('dev')}"}]
     rows.append(row("field, scikit-fmm", 1e3 * reference, "ms", "", "second order, speed map not counted"))
     for method, wanted in (("marching", "at least 1.2"), ("sweeping", "at least 3")):
         rows.append(row(f"{method} over scikit-fmm", reference / seconds[method], "times", wanted, "per core"))

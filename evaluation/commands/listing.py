@@ -70,12 +70,13 @@ def _object_line(item: Object) -> str:
 def _robot(name: str) -> str:
     """Joints, and where the shapes come from, as far as that is installed."""
     from piec_envs.errors import MissingDependencyError
+    from piec_envs.versions import install_command
     from piec_envs.world.robots import get_robot
 
     try:
         robot = get_robot(name)
     except MissingDependencyError as error:
-        return f"needs the extra {error.extra!r}"
+        return f"needs the extra {error.extra!r}: {install_command(error.extra)}"
     return f"{robot.dof} joints, geometry: {robot.geometry_source}"
 
 
