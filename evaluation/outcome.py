@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from piec_envs.errors import RecordError
+from piec_envs.files import BROKEN_FILE, why_unreadable
 
 FORMAT = "piec-evaluation-1"
 
@@ -111,10 +111,10 @@ class Evaluation:
             # Files from before simulations could diverge do not say so.
             stable = np.zeros(len(arrays["success"]), dtype=bool)
             return cls(**meta, **{"caging": None, "diverged": stable, **arrays})
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-            if isinstance(error, RecordError):
-                raise
-            raise RecordError(f"{path} holds no evaluation, or is broken: {error}") from error
+        except RecordError:
+            raise
+        except BROKEN_FILE as error:
+            raise RecordError(why_unreadable(path, "evaluation", error)) from error
 
 
 def _thin(value: np.ndarray, every: int) -> np.ndarray:

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from piec_envs.versions import install_command
+
 
 class PiecError(Exception):
     """Base class of every error that this suite raises on purpose."""
@@ -24,12 +26,28 @@ class UnknownNameError(PiecError, ValueError):
     def __init__(self, kind: str, name: object, known: Iterable[object]):
         self._given = (kind, name, tuple(known))
         names = sorted(map(str, self._given[2]))
-        close = difflib.get_close_matches(str(name), names, n=1)
-        hint = f" Did you mean {close[0]!r}?" if close else ""
+        close = closest(name, names)
+        hint = f" Did you mean {close!r}?" if close is not None else ""
         super().__init__(f"unknown {kind} {name!r}; known: {', '.join(names)}.{hint}")
 
     def __reduce__(self):
         return type(self), self._given  # so that it crosses process borders
+
+
+def closest(name: object, known: Iterable[str]) -> str | None:
+    """The known name that was probably meant, upper and lower case alike; None if none comes near.
+
+    Args:
+        name: the name given.
+        known: the valid names.
+    """
+    plain = str(name).casefold()
+    by_plain: dict[str, list[str]] = {}
+    for one in known:
+        by_plain.setdefault(one.casefold(), []).append(one)
+        by_plain.setdefault(one.casefold().rpartition("/")[2], []).append(one)  # an id without its namespace
+    close = difflib.get_close_matches(plain, by_plain, n=1)
+    return by_plain[close[0]][0] if close else None
 
 
 def check_name(kind: str, name: object, known: Iterable[object]) -> None:
@@ -54,6 +72,10 @@ class InvalidShapeError(PiecError, ValueError):
 
 class InvalidActionError(PiecError, ValueError):
     """An action of the wrong shape, or with NaN or infinite entries."""
+
+
+class InvalidObservationError(InvalidActionError):
+    """What cannot be an observation of the environment, so that no action follows from it."""
 
 
 class InvalidStateError(PiecError, ValueError):
@@ -94,6 +116,10 @@ class RecordError(PiecError, ValueError):
 
 class EngineError(PiecError, RuntimeError):
     """Workers that cannot be started, that are lost again and again, or that have other versions installed."""
+
+
+class ShadowedPackageError(PiecError, ImportError):
+    """A file of the user's that Python takes for a package of this suite."""
 
 
 def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[PiecError]) -> np.ndarray:
@@ -142,7 +168,7 @@ class MissingDependencyError(PiecError, ImportError):
     def __init__(self, package: str, extra: str, instead: str = ""):
         self._given, self.extra = (package, extra, instead), extra
         super().__init__(
-            f"{package!r} is not installed; it comes with the extra {extra!r}: pip install 'piec-envs[{extra}]'"
+            f"{package!r} is not installed; it comes with the extra {extra!r}: {install_command(extra)}"
             + (f", or {instead}" if instead else "")
         )
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium as gym
+
+from piec_envs.errors import InvalidParameterError, UnknownNameError, check_name
 
 HORIZON = 1000
 
@@ -45,6 +47,47 @@ ENVS = {
     ),
 }
 MOTIONS = tuple(env_id for env_id, entry in ENVS.items() if entry.max_episode_steps)  # what plans are made for
+
+
+class NoMotionError(UnknownNameError):
+    """The id of an environment of static caging where one of motion is needed.
+
+    Args:
+        env_id: the id given.
+    """
+
+    def __init__(self, env_id: str):
+        super().__init__("environment of motion", env_id, MOTIONS)
+        self.args = (
+            f"{env_id!r} is static caging: an episode is one posture, so that there is no motion to plan, to train "
+            f"or to execute. Environments of motion: {', '.join(MOTIONS)}. Postures are searched for by "
+            "planners.CmaEsConfiguration, SqpConfiguration and ExhaustiveConfiguration",
+        )
+
+    def __reduce__(self):
+        return type(self), (self._given[1],)
+
+
+def check_motion(env_id: Any) -> None:
+    """Refuse what is not the id of an environment of motion.
+
+    Args:
+        env_id: the id given; anything.
+
+    Raises:
+        InvalidParameterError: for an environment object instead of an id.
+        UnknownNameError: for an unknown id, or one of static caging.
+    """
+    made = getattr(env_id, "spec", None)
+    if isinstance(env_id, gym.Env | gym.vector.VectorEnv):
+        own = f"; pass {made.id!r} and its keyword arguments" if made is not None else ""
+        raise InvalidParameterError(
+            f"an environment is named by its id, such as {MOTIONS[0]!r}, but an environment object was given: "
+            f"{type(env_id.unwrapped).__name__}{own}"
+        )
+    if isinstance(env_id, str) and env_id in ENVS and env_id not in MOTIONS:
+        raise NoMotionError(env_id)
+    check_name("environment", env_id, MOTIONS)
 
 
 def register_envs() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,15 +16,16 @@ import numpy as np
 from piec_envs.dynamics.base import CONTROL_PERIOD
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.observation import observation_layout
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import MEASURES
-from piec_envs.errors import InvalidActionError, PlanError
+from piec_envs.errors import PlanError, UnknownNameError
+from piec_envs.files import BROKEN_FILE, why_unreadable
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import ROBOTS, get_robot
+from planners.made_for import disturbed_kwargs, model_kwargs, task_kwargs
+from planners.observed import ObservationReader
 
 FORMAT = "piec-plan-1"
-ROBOT_KWARGS = ("contact", "geometry", "start", "reference")
 DRAWN = ("start_noise", "randomize")  # keyword arguments by which a reset draws a start and a plant
 SAME_START = 1e-6  # rad or m
 _META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
@@ -66,9 +66,23 @@ class Plan:
     versions: dict[str, str] = field(default_factory=current_versions)
 
     @property
-    def robot_kwargs(self) -> dict[str, Any]:
-        """Those of its keyword arguments that an environment must share: which robot, where it starts, which task."""
-        return {name: self.env_kwargs[name] for name in ROBOT_KWARGS if name in self.env_kwargs}
+    def task_kwargs(self) -> dict[str, Any]:
+        """Keyword arguments of its robot, its start and its task, goal included."""
+        return task_kwargs(self.env_kwargs)
+
+    @property
+    def model_kwargs(self) -> dict[str, Any]:
+        """Keyword arguments of its task and its nominal model, of which nothing is drawn and nothing flees."""
+        return model_kwargs(self.env_kwargs)
+
+    @property
+    def disturbed_kwargs(self) -> dict[str, Any]:
+        """The same, and whatever was drawn, displaced or fled while it was planned."""
+        return disturbed_kwargs(self.env_kwargs)
+
+    def policy(self) -> OpenLoopPolicy:
+        """The policy that executes it."""
+        return OpenLoopPolicy(self)
 
     def save(self, path: str | os.PathLike) -> Path:
         """Write the plan as an npz file without pickle, under a temporary name first."""
@@ -97,13 +111,22 @@ class Plan:
                 meta = json.loads(str(data["meta"]))
                 arrays = {name: np.array(data[name], dtype=float) for name in ("path", "via_points")}
             plan = cls(**{**meta, **arrays, "joints": tuple(meta["joints"])})
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-            if isinstance(error, PlanError):
-                raise
-            raise PlanError(f"{path} is no plan file, or is broken: {error}") from error
+        except PlanError:
+            raise
+        except BROKEN_FILE as error:
+            raise PlanError(why_unreadable(path, "plan file", error)) from error
         if plan.path.ndim != 2 or plan.path.shape[1] != len(plan.joints) or not np.isfinite(plan.path).all():
             raise PlanError(f"{path} has a path of shape {plan.path.shape} for {len(plan.joints)} joints")
         return plan
+
+    def check_env(self, env_id: str) -> None:
+        """Refuse the id of an environment that this plan was not made for.
+
+        Raises:
+            PlanError: with both ids.
+        """
+        if env_id != self.env_id:
+            raise PlanError(f"this plan is for {self.env_id!r}, not for {env_id!r}")
 
     def check_fits(self, env_id: str, robot_name: str, start: np.ndarray) -> None:
         """Refuse an environment that this plan was not made for.
@@ -116,8 +139,7 @@ class Plan:
         Raises:
             PlanError: if the id, the robot, its joints or the start differ.
         """
-        if env_id != self.env_id:
-            raise PlanError(f"this plan is for {self.env_id!r}, not for {env_id!r}")
+        self.check_env(env_id)
         joints = tuple(joint.name for joint in get_robot(robot_name).joints)
         if (robot_name, joints) != (self.robot, self.joints):
             raise PlanError(
@@ -191,17 +213,22 @@ class OpenLoopPolicy:
 
     Args:
         plan: the plan.
+
+    Raises:
+        PlanError: if this is no plan, or one for an environment or a robot that does not exist.
     """
 
     def __init__(self, plan: Plan):
+        if not isinstance(plan, Plan):
+            raise PlanError(f"OpenLoopPolicy executes a Plan, of a planner or of Plan.load(file), got {plan!r}")
         if plan.robot not in ROBOTS:
             raise PlanError(f"this plan is for robot {plan.robot!r}; known: {', '.join(sorted(ROBOTS))}")
+        try:
+            self._reader = ObservationReader(plan.env_id, plan.env_kwargs, plan.horizon)
+        except UnknownNameError as error:
+            raise PlanError(f"this plan is for an environment that does not exist: {error}") from error
         self.plan = plan
-        robot = get_robot(plan.robot)
-        lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
-        self._middle, self._half = (upper + lower) / 2, (upper - lower) / 2
-        self._step = CONTROL_PERIOD * robot.speed_limit  # (n,) largest motion of a step
-        self._layout = observation_layout(robot, tracking=False)
+        self._step = CONTROL_PERIOD * get_robot(plan.robot).speed_limit  # (n,) largest motion of a step
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
@@ -218,15 +245,9 @@ class OpenLoopPolicy:
             Actions in [-1, 1], shape (..., n), and `state`.
 
         Raises:
-            InvalidActionError: if the observation is too short for this robot.
+            InvalidObservationError: if this cannot be an observation of the plan's environment.
         """
-        flat = np.asarray(observation["observation"] if isinstance(observation, dict) else observation, dtype=float)
-        least = self._layout["time"].stop
-        if flat.shape[-1] < least:
-            raise InvalidActionError(
-                f"an observation of {self.plan.robot!r} has at least {least} entries, got {flat.shape}"
-            )
-        command = flat[..., self._layout["q_cmd"]] * self._half + self._middle
-        now = np.rint(flat[..., -1] * self.plan.horizon).astype(int)
+        flat = self._reader.flat(observation)
+        now = self._reader.step(flat)
         target = self.plan.path[np.minimum(now + 1, len(self.plan.path) - 1)]
-        return np.clip((target - command) / self._step, -1.0, 1.0), state
+        return np.clip((target - self._reader.command(flat)) / self._step, -1.0, 1.0), state

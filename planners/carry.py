@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
-from piec_envs.registration import MOTIONS
+from piec_envs.errors import InvalidParameterError, as_count, as_floats
+from piec_envs.registration import check_motion
 from planners.base import Plan, nominal_start, realised_plan
 
 
@@ -52,7 +52,7 @@ class RigidCarry:
             UnknownNameError: for an unknown environment or keyword argument.
             InvalidParameterError: if the robot stands still.
         """
-        check_name("environment", env_id, MOTIONS)
+        check_motion(env_id)
         as_count("seed", seed, least=0)
         nominal = {"escape_field": None, **env_kwargs}
         batch, start, _ = nominal_start(env_id, nominal, seed)

@@ -18,7 +18,7 @@ from piec_envs.episodes.tasks import PRESETS
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import choose_field
 from piec_envs.escape.samples import CURL
-from piec_envs.registration import MOTIONS
+from piec_envs.registration import check_motion
 from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
 from planners.configuration import enclosing_posture
@@ -117,7 +117,7 @@ class CmaEsPlanner:
             UnknownNameError: for an unknown environment or keyword argument.
             InvalidParameterError: for a value outside its range.
         """
-        check_name("environment", env_id, MOTIONS)
+        check_motion(env_id)
         as_count("seed", seed, least=0)
         nominal = self._nominal_kwargs(env_kwargs)
         batch, start, config = nominal_start(env_id, nominal, seed)

@@ -21,7 +21,7 @@ from piec_envs.errors import UnknownNameError, WeightsError, check_name
 from piec_envs.escape.features import feature_count
 from piec_envs.escape.perceptron import BLOCK
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
 from piec_envs.versions import source as current_source
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import get_robot
@@ -152,7 +152,7 @@ class FieldWeights:
         except UnknownNameError as error:
             raise WeightsError(f"{path}: {error}") from error
         except BROKEN_FILE as error:
-            raise WeightsError(f"{path} is no weight file, or is broken: {error}") from error
+            raise WeightsError(why_unreadable(path, "weight file", error)) from error
 
 
 def input_count(robot_name: str, inputs: str) -> int:

@@ -15,11 +15,13 @@ import gymnasium as gym
 import numpy as np
 
 import piec_envs  # noqa: F401  registers the environments
-from piec_envs.errors import AgentError, InvalidActionError, PiecError
-from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs.errors import AgentError, InvalidObservationError, PiecError
+from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
 from piec_envs.versions import source as current_source
 from piec_envs.versions import versions
-from planners.base import ROBOT_KWARGS, OpenLoopPolicy, realised_plan
+from planners.base import OpenLoopPolicy, realised_plan
+from planners.made_for import disturbed_kwargs, model_kwargs, task_kwargs
+from planners.observed import ObservationReader
 from planners.sb3.algorithms import get_algorithm
 from planners.sb3.normalisation import normalise
 from planners.sb3.spaces import check_spaces
@@ -90,10 +92,23 @@ class Agent:
         return int(self.spec.env_kwargs.get("action_repeat", 1))
 
     @property
-    def robot_kwargs(self) -> dict[str, Any]:
-        """Those of its keyword arguments that an environment must share: which robot, which start, what is observed."""
-        names = (*ROBOT_KWARGS, "goal_conditioned")
-        return {name: self.spec.env_kwargs[name] for name in names if name in self.spec.env_kwargs}
+    def task_kwargs(self) -> dict[str, Any]:
+        """Keyword arguments of its robot, its start, its task, goal included, and what is observed."""
+        return task_kwargs(self.spec.env_kwargs)
+
+    @property
+    def model_kwargs(self) -> dict[str, Any]:
+        """Keyword arguments of its task and its nominal model, of which nothing is drawn and nothing flees."""
+        return model_kwargs(self.spec.env_kwargs)
+
+    @property
+    def disturbed_kwargs(self) -> dict[str, Any]:
+        """The same, and whatever was drawn, displaced or fled in its training."""
+        return disturbed_kwargs(self.spec.env_kwargs)
+
+    def policy(self) -> AgentPolicy:
+        """The policy that executes it, closed loop."""
+        return AgentPolicy(self)
 
     def save(self, path: str | os.PathLike) -> Path:
         """Write SB3's zip file, and beside it the JSON file that describes it, each under a temporary name first.
@@ -138,7 +153,16 @@ class Agent:
         except PiecError:
             raise
         except (*BROKEN_FILE, AttributeError, AssertionError) as error:
-            raise AgentError(f"{target} is no agent with its description (.json), or is broken: {error}") from error
+            raise AgentError(why_unreadable(target, "agent with its description (.json)", error)) from error
+
+    def check_env(self, env_id: str) -> None:
+        """Refuse the id of an environment that this agent was not trained on.
+
+        Raises:
+            AgentError: with both ids.
+        """
+        if env_id != self.env_id:
+            raise AgentError(f"this agent was trained on {self.env_id!r}, not on {env_id!r}")
 
     def check_fits(self, env_id: str, observation_space: Any, action_space: Any) -> None:
         """Refuse an environment that this agent was not trained for.
@@ -151,8 +175,7 @@ class Agent:
         Raises:
             AgentError: if the id or a space differs.
         """
-        if env_id != self.env_id:
-            raise AgentError(f"this agent was trained on {self.env_id!r}, not on {env_id!r}")
+        self.check_env(env_id)
         check_spaces("this agent", self.spaces["observation"], observation_space, "observation")
         check_spaces("this agent", self.spaces["action"], action_space, "action")
 
@@ -165,10 +188,16 @@ class AgentPolicy:
 
     Args:
         agent: the agent.
+
+    Raises:
+        AgentError: if this is no agent.
     """
 
     def __init__(self, agent: Agent):
+        if not isinstance(agent, Agent):
+            raise AgentError(f"AgentPolicy executes an Agent, of a training or of Agent.load(file), got {agent!r}")
         self.agent = agent
+        self._reader = ObservationReader(agent.env_id, agent.spec.env_kwargs, agent.horizon)
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
@@ -185,12 +214,10 @@ class AgentPolicy:
             Actions in [-1, 1], shape (..., n), and the state for the next call.
 
         Raises:
-            InvalidActionError: for an observation of another size.
+            InvalidObservationError: if this cannot be an observation of the agent's environment.
         """
-        parts = dict(observation) if isinstance(observation, Mapping) else {"": observation}
-        self._check_sizes({name: np.shape(part)[-1] for name, part in parts.items()})
-        flat = np.asarray(parts.get("observation", parts.get("")))
-        now = np.rint(flat[..., -1] * self.agent.horizon).astype(int)
+        self._check_kind(observation)
+        now = self._reader.step(self._reader.flat(observation))
         fresh = now % self.agent.action_repeat == 0  # (...,)
         if episode_start is not None:
             fresh = fresh | np.reshape(episode_start, fresh.shape)
@@ -205,11 +232,12 @@ class AgentPolicy:
             action = np.where(fresh[..., None], action, state)
         return action, action
 
-    def _check_sizes(self, given: dict[str, int]) -> None:
-        expected = {name: len(bounds["low"]) for name, bounds in self.agent.spaces["observation"].items()}
-        if given != expected:
-            wanted, got = (", ".join(f"{n} {k}".strip() for n, k in sizes.items()) for sizes in (expected, given))
-            raise InvalidActionError(f"this agent wants observations of {wanted} entries, got {got}")
+    def _check_kind(self, observation: Any) -> None:
+        """A goal-conditioned agent sees dicts, and no other does."""
+        wanted, given = "" not in self.agent.spaces["observation"], isinstance(observation, Mapping)
+        if wanted != given:
+            kinds = {True: "a dict with goals", False: "an array"}
+            raise InvalidObservationError(f"this agent observes {kinds[wanted]}, got {kinds[given]}")
 
 
 def open_loop(agent: Agent) -> OpenLoopPolicy:

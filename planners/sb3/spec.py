@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from piec_envs.errors import InvalidParameterError, as_count, check_name
-from piec_envs.registration import MOTIONS
+from piec_envs.registration import check_motion
 from planners.sb3.algorithms import ALGORITHMS
 
 EVALUATION_SEED = 2**31  # of the first row of an evaluation; trainings have smaller ones, so no start is trained on
@@ -45,7 +45,7 @@ class TrainSpec:
     eval_episodes: int = 20
 
     def __post_init__(self):
-        check_name("environment", self.env_id, MOTIONS)
+        check_motion(self.env_id)
         check_name("algorithm", self.algo, ALGORITHMS)
         for name in ("timesteps", "n_envs", "evaluations", "eval_episodes"):
             as_count(name, getattr(self, name))

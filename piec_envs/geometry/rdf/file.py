@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from piec_envs.errors import DistanceFieldError
-from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
 from piec_envs.geometry.rdf.fit import RECIPE
 from piec_envs.geometry.rdf.shape import Box, FittedShape
 from piec_envs.world.robots.panda import SHA_256
@@ -78,7 +78,7 @@ def load_shapes(path: str | os.PathLike, degree: int | None = None) -> dict[str,
     except DistanceFieldError as error:
         raise DistanceFieldError(f"{path}: {error}") from error
     except (*BROKEN_FILE, AttributeError) as error:
-        raise DistanceFieldError(f"{path} is no file of a robot distance field, or is broken: {error}") from error
+        raise DistanceFieldError(why_unreadable(path, "file of a robot distance field", error)) from error
 
 
 def _check(meta: Mapping, arrays: Mapping[str, np.ndarray], degree: int | None) -> None:
