@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from piec_envs.shadows import check_not_shadowed
+
 if TYPE_CHECKING:
     from evaluation.metrics import summarise
     from evaluation.protocols import PROTOCOLS, Protocol, get_protocol
@@ -22,6 +24,8 @@ _WHERE = {
     "summarise": "metrics",
 }
 __all__ = ["PROTOCOLS", "Evaluation", "Protocol", "evaluate", "get_protocol", "summarise"]
+
+check_not_shadowed("planners")
 
 
 def __getattr__(name: str) -> Any:

@@ -4,7 +4,9 @@ Importing this package registers the environments; it loads neither torch nor mu
 """
 
 from piec_envs.registration import register_envs
+from piec_envs.shadows import warn_of_shadows
 
 __version__ = "0.1.0"
 
 register_envs()
+warn_of_shadows()
