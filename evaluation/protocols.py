@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -51,8 +51,49 @@ class Protocol:
             A new dict.
         """
         noise = {} if self.start_noise is None else {"start_noise": list(self.start_noise)}
-        drawn = {"randomize": dict(self.randomize)} if self.randomize else {}
-        return {**(base or {}), **self.params, **noise, **drawn}
+        changed = laid_over(base or {}, {**self.params, **noise})
+        if self.randomize:
+            changed["randomize"] = {**(changed.get("randomize") or {}), **self.randomize}
+        return changed
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of the objects that it puts in place of the environment's; none for most."""
+        named = [self.params["object"]] if "object" in self.params else []
+        return (*named, *self.randomize.get("object", ()))
+
+    def suits(self, objects: Iterable[str]) -> bool:
+        """Whether it is about any of these objects, or about whatever the object is.
+
+        Args:
+            objects: names in the table of objects.
+        """
+        families = {family(name) for name in objects}
+        return not self.objects or any(family(name) in families for name in self.objects)
+
+
+def family(name: str) -> str:
+    """The object that another one is taken for, such as the circle within a square; else the object itself."""
+    return TAKEN_FOR.get(name, name)
+
+
+def laid_over(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Keyword arguments with some changed; what is fixed anew is no longer drawn.
+
+    Args:
+        base: the keyword arguments.
+        changes: those that override them.
+
+    Returns:
+        A new dict.
+    """
+    merged = {**base, **changes}
+    drawn = base.get("randomize")
+    if "randomize" in changes or not isinstance(drawn, Mapping):
+        return merged
+    kept = {name: choices for name, choices in drawn.items() if name not in changes}
+    del merged["randomize"]
+    return {**merged, "randomize": kept} if kept else merged
 
 
 def is_random(env_kwargs: Mapping[str, Any]) -> bool:
@@ -68,16 +109,22 @@ def _frictions() -> list[Protocol]:
     ]
 
 
+# The true objects of these studies: what each is, and which object plans take it for.
+_AROUND = {
+    "octagon": ("octagon around the circle", "circle"),
+    "hexagon": ("hexagon around the circle", "circle"),
+    "square": ("square around the circle", "circle"),
+    "box_212": ("square box around circle_119", "circle_119"),
+    "paper_pack_wrapped": ("rounded box around paper_pack", "paper_pack"),
+    "a4_box": ("sharp box around paper_pack", "paper_pack"),
+}
+_ROLLS = [f"a4_box_roll_{k}" for k in range(1, 5)]  # that box, and a loose roll at one of four places
+TAKEN_FOR = {name: planned for name, (_, planned) in _AROUND.items()} | dict.fromkeys(_ROLLS, "paper_pack")
+
+
 def _shapes() -> list[Protocol]:
-    around = {
-        "octagon": "octagon around the circle",
-        "hexagon": "hexagon around the circle",
-        "square": "square around the circle",
-        "box_212": "square box around circle_119",
-        "paper_pack_wrapped": "rounded box around paper_pack",
-        "a4_box": "sharp box around paper_pack",
-    }
-    return [Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name}) for name, shape in around.items()]
+    shapes = {name: shape for name, (shape, _) in _AROUND.items()}
+    return [Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name}) for name, shape in shapes.items()]
 
 
 def _disturbances() -> list[Protocol]:
@@ -111,11 +158,10 @@ _PLACED = (0.006, 0.03)  # m, rad; how well the object stands where it should
 
 
 def _sim_to_real() -> list[Protocol]:
-    rolls = {"object": [f"a4_box_roll_{k}" for k in range(1, 5)]}
     kinds = {
         "sm1": ("the wrapped pack", {"object": "paper_pack_wrapped"}, {}),
         "sm2": ("a sharp box around it", {"object": "a4_box"}, {}),
-        "sm3": ("that box and a loose roll at one of four places", {}, rolls),
+        "sm3": ("that box and a loose roll at one of four places", {}, {"object": _ROLLS}),
     }
     says = "under MuJoCo with friction, mass, delay and start drawn"
     return [

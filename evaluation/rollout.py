@@ -11,16 +11,15 @@ from tqdm import tqdm
 
 import piec_envs  # noqa: F401  registers the environments
 from evaluation.outcome import Evaluation
+from evaluation.plants import NOT_IN_SPEC, as_policy, base_kwargs, check_suits, chosen_id, source_of
 from evaluation.protocols import get_protocol, is_random
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.info import batch_info
 from piec_envs.episodes.tasks import MEASURES
-from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.errors import InvalidParameterError, as_count
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.registration import MOTIONS
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
-NOT_IN_SPEC = ("threads", "render_mode", "renderer")  # keyword arguments that change no result
 _MEASURED = ("goal_distance", "d2g", "min_distance", "mean_distance", "tracking_error")
 
 Predict = Callable[..., tuple[Any, Any]]
@@ -28,88 +27,111 @@ Predict = Callable[..., tuple[Any, Any]]
 
 def evaluate(
     policy: Any,
-    env_id: str,
+    env_id: str | None = None,
     protocol: str = "nominal",
     episodes: int = 100,
     seed: int = 0,
     env_kwargs: Mapping[str, Any] | None = None,
     progress: bool = False,
+    plant: str = "own",
 ) -> Evaluation:
     """Run a policy for a number of episodes under a protocol.
+
+    A plan or an agent is judged by what it was made for: its goal, object, start and nominal model. On
+    that lie `env_kwargs`, and on these the protocol. `spec["env_kwargs"]` of the result says what was in force.
 
     Episode i has seed + i and does not depend on the others. Where neither the protocol nor the
     env draws anything, a policy with `predict` does the same in every episode, so one is run.
     An episode whose simulation becomes unstable has failed, and stays where it was last stable.
 
     Args:
-        policy: anything with Stable-Baselines3's `predict` (a plan's `OpenLoopPolicy`, an agent's
-            `AgentPolicy`, an SB3 model), or a function from a batch of observations to a batch of actions.
-        env_id: id of the environment.
+        policy: a `Plan` or an `Agent`, or anything with Stable-Baselines3's `predict` (an `OpenLoopPolicy`,
+            an `AgentPolicy`, an SB3 model), or a function from a batch of observations to a batch of actions.
+        env_id: id of the environment; None takes that of the plan or the agent.
         protocol: name of the protocol.
         episodes: how many episodes.
         seed: seed of the first.
         env_kwargs: keyword arguments of the environment, which the protocol overrides.
         progress: whether to show a progress bar.
+        plant: what `env_kwargs` override: "own" (the task and the nominal model that the plan or the agent was
+            made for), "disturbed" (these, with what was drawn, displaced or fled while it was made), "default" (its
+            task, and the env's default plant) or "given" (nothing of it).
 
     Returns:
         Arrays over episodes and time.
 
     Raises:
-        UnknownNameError: for an unknown id, protocol or keyword argument.
-        InvalidParameterError: for a bad number of episodes, or a policy that is none.
+        UnknownNameError: for an unknown id, protocol, plant or keyword argument.
+        InvalidParameterError: for a bad number of episodes, a policy that is none, an environment object
+            instead of its id, or a protocol about an object of another robot.
         PlanError: if the policy executes a plan for another id, robot or joints.
         AgentError: if it executes an agent trained on another id, or on other observations.
     """
-    check_name("environment", env_id, MOTIONS)
-    if not (isinstance(episodes, int | np.integer) and episodes >= 1):
-        raise InvalidParameterError(f"episodes must be a whole number of at least 1, got {episodes!r}")
+    policy = as_policy(policy)
+    source = source_of(policy)
+    env_id = chosen_id(source, env_id)
+    episodes, seed = as_count("episodes", episodes), as_count("seed", seed, least=0)
     for name in ("num_envs", "max_episode_steps", "autoreset_mode", "action_repeat"):
         if name in (env_kwargs or {}):
             raise InvalidParameterError(
                 f"{name!r} is decided by evaluate: one whole episode in each row, an action in each control step"
             )
-    predict = _predict_of(policy)
-    plant = get_protocol(protocol).env_kwargs(env_kwargs)
-    if hasattr(policy, "predict") and not is_random(plant):
+    base = base_kwargs(source, plant, env_kwargs)
+    check_suits(get_protocol(protocol), env_id, base)
+    kwargs = get_protocol(protocol).env_kwargs(base)
+    if hasattr(policy, "predict") and not is_random(kwargs):
         episodes = 1
     spec = {
         "env_id": env_id,
-        "env_kwargs": {name: value for name, value in plant.items() if name not in NOT_IN_SPEC},
+        "env_kwargs": {name: value for name, value in kwargs.items() if name not in NOT_IN_SPEC},
         "protocol": protocol,
-        "episodes": int(episodes),
-        "seed": int(seed),
+        "episodes": episodes,
+        "seed": seed,
     }
-    pieces = []
+    return Evaluation(spec=spec, **_run(policy, spec, kwargs, progress))
+
+
+def _run(policy: Any, spec: Mapping[str, Any], kwargs: Mapping[str, Any], progress: bool) -> dict[str, Any]:
+    """The episodes of a spec, batch by batch; the arrays of an `Evaluation`."""
+    predict, episodes, pieces = _predict_of(policy), spec["episodes"], []
     for lo in range(0, episodes, MAX_ROWS):
-        seeds = list(range(seed + lo, seed + min(lo + MAX_ROWS, episodes)))
-        envs = gym.make_vec(env_id, num_envs=len(seeds), **plant)
-        _check_fit(policy, env_id, envs)
-        label = f"{protocol}, episodes {lo + 1} to {lo + len(seeds)} of {episodes}"
+        seeds = list(range(spec["seed"] + lo, spec["seed"] + min(lo + MAX_ROWS, episodes)))
+        envs = gym.make_vec(spec["env_id"], num_envs=len(seeds), **kwargs)
+        check_fit(policy, spec["env_id"], envs)
+        label = f"{spec['protocol']}, episodes {lo + 1} to {lo + len(seeds)} of {episodes}"
         pieces.append(_run_rows(envs, predict, seeds, label if progress else ""))
     joined: dict[str, Any] = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    return Evaluation(spec=spec, **({"caging": None} | joined))
+    return {"caging": None} | joined
 
 
 def _predict_of(policy: Any) -> Predict:
     """The policy's `predict`, or a function dressed up as one."""
     if hasattr(policy, "predict"):
         return policy.predict
-    if not callable(policy):
-        raise InvalidParameterError(
-            f"a policy has a method `predict` or is a function from observations to actions, got {policy!r}"
-        )
     return lambda observation, state, episode_start, deterministic: (policy(observation), state)
 
 
-def _check_fit(policy: Any, env_id: str, envs: Any) -> None:
-    """Let a policy that was made for one kind of environment look at this one."""
+def check_fit(policy: Any, env_id: str, env: Any) -> None:
+    """Let a policy that was made for one kind of environment look at this one.
+
+    Args:
+        policy: the policy.
+        env_id: id of the environment.
+        env: the environment, single or vector.
+
+    Raises:
+        PlanError: if it executes a plan that is for another.
+        AgentError: if it executes an agent that is for another.
+    """
     plan: Any = getattr(policy, "plan", None)
     agent: Any = getattr(policy, "agent", None)
     if hasattr(plan, "check_fits"):
-        batch: EpisodeBatch = envs.unwrapped.batch
+        batch: EpisodeBatch = env.unwrapped.batch
         plan.check_fits(env_id, batch.robot.name, batch.config.posture)
     if hasattr(agent, "check_fits"):
-        agent.check_fits(env_id, envs.single_observation_space, envs.single_action_space)
+        prefix = "single_" if isinstance(env, gym.vector.VectorEnv) else ""
+        spaces = (getattr(env, f"{prefix}{kind}_space") for kind in ("observation", "action"))
+        agent.check_fits(env_id, *spaces)
 
 
 def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict[str, np.ndarray]:

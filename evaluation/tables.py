@@ -85,13 +85,14 @@ def columns_of(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
-def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = "") -> str:
+def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = "", above: str = "") -> str:
     """Rows as a Markdown table with aligned columns.
 
     Args:
         rows: from column to value; a column missing in a row is shown as "-".
         title: heading above it.
         notes: text below it.
+        above: text between heading and table, such as the plant in force.
     """
     names = columns_of(rows)
     body = [[cell(row.get(name)).replace("|", "\\|") for name in names] for row in rows]
@@ -99,7 +100,9 @@ def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = ""
     ruler = ["-" * width for width in widths]
     lines = ["| " + " | ".join(t.ljust(w) for t, w in zip(line, widths, strict=True)) + " |"
              for line in (names, ruler, *body)]  # fmt: skip
-    return "\n".join([*([f"# {title}", ""] if title else []), *lines, *(["", notes] if notes else [])]) + "\n"
+    head = [f"# {title}", ""] if title else []
+    between = [above.rstrip(), ""] if above else []
+    return "\n".join([*head, *between, *lines, *(["", notes] if notes else [])]) + "\n"
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -127,7 +130,12 @@ def _flatten(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_table(
-    folder: str | os.PathLike, rows: Sequence[Mapping[str, Any]], title: str, notes: str = "", name: str = "table"
+    folder: str | os.PathLike,
+    rows: Sequence[Mapping[str, Any]],
+    title: str,
+    notes: str = "",
+    name: str = "table",
+    above: str = "",
 ) -> list[Path]:
     """Write `name.md` and `name.csv` into a folder.
 
@@ -136,6 +144,6 @@ def write_table(
     """
     folder = Path(folder)
     return [
-        write_atomic(folder / f"{name}.md", markdown(rows, title, notes)),
+        write_atomic(folder / f"{name}.md", markdown(rows, title, notes, above)),
         write_atomic(folder / f"{name}.csv", csv_text(rows)),
     ]

@@ -53,6 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Plan, disturb, tabulate, draw; what an earlier run has done is not done again."""
     from evaluation.figures import animate_rollouts, overview
+    from evaluation.plants import plant_in_force, plant_line
+    from evaluation.protocols import get_protocol
+    from evaluation.studies import PUSH
     from evaluation.studies.common import StudyRun, mode_cases
     from evaluation.studies.pictures import first_trajectories
     from evaluation.tables import markdown, write_table
@@ -63,14 +66,16 @@ def run(args: argparse.Namespace) -> Report:
     study.plan(cases)
     results = [result for (result,) in study.evaluate(cases, budget.protocol)]
     rows = [_row(case.title, result) for case, result in zip(cases, results, strict=True)]
-    paths = write_table(args.out, rows, f"Demo: {budget.protocol}", NOTE)
+    plant = plant_in_force(PUSH, get_protocol(budget.protocol).env_kwargs())
+    above = f"Plant of all plans: {plant_line(plant)}\n"
+    paths = write_table(args.out, rows, f"Demo: {budget.protocol}", NOTE, above=above)
     drawn = first_trajectories(study, cases, budget.protocol)
     paths.append(overview(drawn, args.out / "overview.png"))
     every = max(1, drawn[0].steps // budget.frames)
     paths.append(animate_rollouts(drawn, args.out / "animation.gif", every=every))
-    data = {"protocol": budget.protocol, "results": dict(zip(budget.objectives, results, strict=True))}
+    data = {"protocol": budget.protocol, "plant": plant, "results": dict(zip(budget.objectives, results, strict=True))}
     wrote = [*paths, args.out / "records.jsonl", args.out / "plans"]
-    return Report(markdown(rows, notes=NOTE), data, wrote)
+    return Report(markdown(rows, notes=NOTE, above=above), data, wrote)
 
 
 def _row(title: str, result: Mapping[str, Any]) -> dict[str, Any]:

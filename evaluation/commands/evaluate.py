@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from evaluation.commands import Report, settings
+from evaluation.commands import Report
+from evaluation.commands.sources import Source, add_plant_arguments, load_sources, plants_text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,9 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--episodes", type=int, default=100, help="rollouts under each protocol (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the first rollout (default: %(default)s)")
     parser.add_argument("--env", help="id of the environment (default: the file's)")
-    parser.add_argument(
-        "--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the plant, such as friction=0.2"
-    )
+    add_plant_arguments(parser)
     parser.add_argument(
         "--out", type=Path, default=Path("runs/evaluate"), help="folder for table and records (default: %(default)s)"
     )
@@ -28,23 +27,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Evaluate every file under every protocol; what is recorded already is not run again."""
-    from evaluation.protocols import get_protocol
     from evaluation.records import RecordFile
     from evaluation.tables import markdown, write_table
 
-    for protocol in args.protocol:
-        get_protocol(protocol)
-    made = {path: _load(path) for path in args.plans}
+    sources = load_sources(args.plans)
+    plants = [_plants(source, args) for source in sources]  # refuses before anything is run
     results, rows = [], []
     with RecordFile(args.out / "records.jsonl") as file:
-        for path, loaded in made.items():
-            for protocol in args.protocol:
-                result = _evaluate(file, path, loaded, protocol, args)
-                results.append({"plan": str(path), "protocol": protocol, **result})
-                rows.append(_row(path, protocol, result))
-    title = "Evaluation"
-    paths = write_table(args.out, rows, title, _NOTE)
-    return Report(markdown(rows), {"evaluations": results}, [*paths, args.out / "records.jsonl"])
+        for source, by_protocol in zip(sources, plants, strict=True):
+            for protocol, plant in by_protocol.items():
+                result = _evaluate(file, source, protocol, args)
+                results.append({"plan": str(source.path), "protocol": protocol, "plant": plant, **result})
+                rows.append(_row(source, protocol, result))
+    in_force = plants_text(sources, plants)
+    paths = write_table(args.out, rows, "Evaluation", _NOTE, above=in_force)
+    return Report(f"{in_force}\n{markdown(rows)}", {"evaluations": results}, [*paths, args.out / "records.jsonl"])
 
 
 _NOTE = (
@@ -54,49 +51,44 @@ _NOTE = (
 )
 
 
-def _load(path: Path) -> tuple[Any, Any]:
-    """The plan or the agent in a file, and the policy that executes it."""
-    if path.suffix == ".zip":
-        from planners.sb3 import Agent, AgentPolicy
+def _plants(source: Source, args: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """The plant in force under each protocol."""
+    from evaluation.plants import check_suits, chosen_id, plant_in_force
+    from evaluation.protocols import get_protocol
 
-        agent = Agent.load(path)
-        return agent, AgentPolicy(agent)
-    from planners import OpenLoopPolicy, Plan
-
-    plan = Plan.load(path)
-    return plan, OpenLoopPolicy(plan)
+    env_id, base = chosen_id(source.made, args.env), source.base_kwargs(args)
+    for protocol in args.protocol:
+        check_suits(get_protocol(protocol), env_id, base)
+    return {name: plant_in_force(env_id, get_protocol(name).env_kwargs(base)) for name in args.protocol}
 
 
-def _evaluate(
-    file: Any, path: Path, loaded: tuple[Any, Any], protocol: str, args: argparse.Namespace
-) -> dict[str, Any]:
+def _evaluate(file: Any, source: Source, protocol: str, args: argparse.Namespace) -> dict[str, Any]:
     from evaluation import evaluate, summarise
     from evaluation.records import make_record, work_key
 
-    source, policy = loaded
-    env_id, plant = args.env or source.env_id, {**source.robot_kwargs, **settings(args.set)}
+    env_id, base = args.env or source.made.env_id, source.base_kwargs(args)
     spec = {
         "work": "evaluate-file",
-        "plan_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "plan_sha256": hashlib.sha256(source.path.read_bytes()).hexdigest(),
         "env_id": env_id,
-        "env_kwargs": plant,
+        "env_kwargs": base,
         "protocol": protocol,
         "episodes": args.episodes,
     }
     key = work_key(spec, args.seed)
     if key not in file.records:
-        begin = time.perf_counter()
-        evaluation = evaluate(policy, env_id, protocol, args.episodes, args.seed, plant, progress=True)
-        file.append(make_record(spec, args.seed, summarise(evaluation), time.perf_counter() - begin))
+        begin, policy = time.perf_counter(), source.made.policy()
+        found = evaluate(policy, env_id, protocol, args.episodes, args.seed, base, progress=True, plant="given")
+        file.append(make_record(spec, args.seed, summarise(found), time.perf_counter() - begin))
     return file.records[key]["result"]
 
 
-def _row(path: Path, protocol: str, result: dict[str, Any]) -> dict[str, Any]:
+def _row(source: Source, protocol: str, result: dict[str, Any]) -> dict[str, Any]:
     from evaluation.metrics import wilson_interval
     from evaluation.tables import Spread
 
     return {
-        "plan": f"{path.parent.name}/{path.stem}" if path.suffix == ".zip" else path.stem,  # all agents are agent.zip
+        "plan": source.name,
         "protocol": protocol,
         "n": result["n"],
         "success": wilson_interval(result["successes"], result["n"]),

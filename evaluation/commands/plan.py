@@ -26,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Plan and save."""
+    from evaluation.plants import plant_in_force, plant_line
     from planners import CmaEsPlanner
 
     own = {"objective": args.objective, "preset": args.preset, **settings(args.planner)}
@@ -34,6 +35,8 @@ def run(args: argparse.Namespace) -> Report:
     out = plan.save(args.out or Path("runs", "plans", f"{args.objective}-seed{args.seed}.npz"))
     distance, d2g = plan.nominal["goal_distance"], plan.nominal["d2g"]
     place = "inside the goal region" if d2g == 0 else f"{d2g:.3f} m outside the goal region"
-    text = f"{plan.objective}: cost {plan.cost:.6g}; the object ends {distance:.3f} m from the goal, {place}"
+    model = plant_in_force(plan.env_id, plan.env_kwargs)
+    end = f"{plan.objective}: cost {plan.cost:.6g}; the object ends {distance:.3f} m from the goal, {place}"
+    text = f"{plant_line(model)}\n{end}"
     data = {"objective": plan.objective, "preset": plan.preset, "seed": plan.seed, "cost": plan.cost}
-    return Report(text, {**data, "env_id": plan.env_id, "nominal": plan.nominal}, [out])
+    return Report(text, {**data, "env_id": plan.env_id, "model": model, "nominal": plan.nominal}, [out])

@@ -1,4 +1,4 @@
-"""`piec render`: a plan as an animation, or a state as a picture."""
+"""`piec render`: a plan or an agent as an animation, or a state as a picture."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.commands import Report, settings
+from evaluation.commands.sources import add_plant_arguments, load_sources
 from evaluation.studies import PUSH
-from piec_envs.errors import InvalidParameterError
+from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.registration import ENVS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("plan", nargs="?", type=Path, help="plan file; without it a state is drawn")
+    parser.add_argument("plan", nargs="?", type=Path, help="plan, or agent (.zip); without it a state is drawn")
     parser.add_argument("--env", help="id of the environment (default: the plan's, or PlanarArmPush)")
     parser.add_argument("--state", help="JSON with q_r, pose ..., or a file with it (default: the start)")
     parser.add_argument("--protocol", default="nominal", help="what disturbs the plan (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the episode (default: %(default)s)")
     parser.add_argument("--frames", type=int, default=60, help="of the animation, about (default: %(default)s)")
     parser.add_argument("--fps", type=float, default=15.0, help="frames per second (default: %(default)s)")
-    parser.add_argument("--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the environment")
+    add_plant_arguments(parser)
     parser.add_argument("--out", type=Path, help=".gif, .mp4 or .png (default: beside the plan, or runs/state.png)")
 
 
@@ -35,14 +37,16 @@ def _draw_state(args: argparse.Namespace) -> Report:
     import gymnasium as gym
     import imageio.v3 as imageio
 
-    import piec_envs  # noqa: F401  registers the environments
+    from evaluation.plants import check_suits
     from evaluation.protocols import get_protocol
 
     out = args.out or Path("runs/state.png")
     if out.suffix != ".png":
         raise InvalidParameterError(f"a state is drawn as .png, got {out.name!r}")
-    kwargs = get_protocol(args.protocol).env_kwargs(settings(args.set))
-    env: Any = gym.make(args.env or PUSH, render_mode="rgb_array", **kwargs)
+    env_id, given, protocol = args.env or PUSH, settings(args.set), get_protocol(args.protocol)
+    check_name("environment", env_id, ENVS)
+    check_suits(protocol, env_id, given)
+    env: Any = gym.make(env_id, render_mode="rgb_array", **protocol.env_kwargs(given))
     _, info = env.reset(seed=args.seed, options=None if args.state is None else {"state": _state(args.state)})
     out.parent.mkdir(parents=True, exist_ok=True)
     imageio.imwrite(out, env.render())
@@ -64,35 +68,41 @@ def _state(text: str) -> dict[str, Any]:
 
 def _draw_plan(args: argparse.Namespace) -> Report:
     from evaluation.figures.animation import animation
+    from evaluation.plants import check_suits, chosen_id, plant_in_force, plant_line
     from evaluation.protocols import get_protocol
-    from planners import Plan
 
     if args.frames < 1 or args.fps <= 0:
         raise InvalidParameterError(f"--frames and --fps must be above 0, got {args.frames} and {args.fps}")
-    plan = Plan.load(args.plan)
-    kwargs = get_protocol(args.protocol).env_kwargs({**plan.robot_kwargs, **settings(args.set)})
-    out = args.out or args.plan.with_suffix(".gif")
+    (source,), protocol = load_sources([args.plan]), get_protocol(args.protocol)
+    env_id, base = chosen_id(source.made, args.env), source.base_kwargs(args)
+    check_suits(protocol, env_id, base)
+    kwargs = protocol.env_kwargs(base)
+    plant = plant_in_force(env_id, kwargs)
     end: dict[str, Any] = {}
-    animation(_frames(plan, kwargs, args, end), out, args.fps)
-    return Report(f"the object ends {end['goal_distance']:.3f} m from the goal", {"end": end}, [out])
+    out = args.out or args.plan.with_suffix(".gif")
+    animation(_frames(source.made, env_id, kwargs, args, end), out, args.fps)
+    text = f"{plant_line(plant)}\nthe object ends {end['goal_distance']:.3f} m from the goal"
+    return Report(text, {"end": end, "plant": plant}, [out])
 
 
-def _frames(plan: Any, kwargs: dict[str, Any], args: argparse.Namespace, end: dict[str, Any]) -> Iterator[Any]:
-    """Pictures of an execution of the plan; `end` is given its outcome."""
+def _frames(
+    made: Any, env_id: str, kwargs: dict[str, Any], args: argparse.Namespace, end: dict[str, Any]
+) -> Iterator[Any]:
+    """Pictures of an execution of a plan or an agent; `end` is given its outcome."""
     import gymnasium as gym
     from tqdm import trange
 
-    from planners import OpenLoopPolicy
+    from evaluation.rollout import check_fit
 
-    env: Any = gym.make(args.env or plan.env_id, render_mode="rgb_array", **kwargs)
-    batch = env.unwrapped.batch
-    plan.check_fits(env.spec.id, batch.robot.name, batch.config.posture)
-    policy = OpenLoopPolicy(plan)
+    env: Any = gym.make(env_id, render_mode="rgb_array", **kwargs)
+    policy, held = made.policy(), None
+    check_fit(policy, env_id, env)
     observation, info = env.reset(seed=args.seed)
-    every = max(1, plan.horizon // args.frames)
+    every = max(1, made.horizon // args.frames)
     yield env.render()
-    for step in trange(1, plan.horizon + 1, desc="drawing", unit="step", leave=False):
-        observation, _, _, _, info = env.step(policy.predict(observation)[0])
-        if step % every == 0 or step == plan.horizon:
+    for step in trange(1, made.horizon + 1, desc="drawing", unit="step", leave=False):
+        action, held = policy.predict(observation, state=held)
+        observation, _, _, _, info = env.step(action)
+        if step % every == 0 or step == made.horizon:
             yield env.render()
     end.update({name: info[name] for name in ("goal_distance", "d2g", "is_success")})

@@ -18,9 +18,10 @@ import numpy as np
 from evaluation.jobs import Context
 from evaluation.metrics import max_deviation, summarise
 from evaluation.outcome import Evaluation
+from evaluation.plants import NOT_IN_SPEC
 from evaluation.protocols import get_protocol
 from evaluation.records import work_key
-from evaluation.rollout import NOT_IN_SPEC, evaluate
+from evaluation.rollout import evaluate
 from evaluation.studies.agent_work import agent_policy, train_once
 from piec_envs.errors import PlanError, RecordError, check_name
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
@@ -113,7 +114,9 @@ def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Eval
     """
     plant = {**spec["env_kwargs"], "threads": context.threads}
     policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
-    evaluation = evaluate(policy, env_id, spec["protocol"], spec["episodes"], 1000 * seed, plant, context.progress)
+    evaluation = evaluate(
+        policy, env_id, spec["protocol"], spec["episodes"], 1000 * seed, plant, context.progress, plant="given"
+    )
     every = KEEP_EVERY if evaluation.episodes > 1 else 1
     evaluation.save(rollout_file(context.folder, spec, seed), every)
     return evaluation
@@ -174,7 +177,7 @@ def _unperturbed(spec: Mapping[str, Any], seed: int, context: Context) -> Evalua
     plant = {**spec["env_kwargs"], "threads": context.threads, "escape_field": None}
     policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
     protocol = get_protocol(spec["protocol"]).unperturbed
-    return evaluate(policy, env_id, protocol, spec["episodes"], 1000 * seed, plant)
+    return evaluate(policy, env_id, protocol, spec["episodes"], 1000 * seed, plant, plant="given")
 
 
 def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
