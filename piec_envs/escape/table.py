@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import sys
-from dataclasses import astuple
-from functools import cache
-from importlib.resources import files
 
 import numpy as np
 
@@ -19,13 +14,12 @@ from piec_envs.escape.grid import GridField
 from piec_envs.escape.network import PICTURE_RESOLUTION
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.table_file import kept_table
+from piec_envs.escape.table_key import table_key
 from piec_envs.escape.tabulation import STRIDE, PackedTable, fine_disc, interpolate_rows, tabulate
 from piec_envs.parallel import notice, run_rows
 from piec_envs.world.robots import Robot, get_robot
 from piec_envs.world.scene import pack_scene
 
-# Modules of this package whose code decides the numbers of a table: a change of them makes all tables anew.
-SOURCES = ("between", "disc", "marching", "speed", "sweeping", "table", "tabulation")
 INNER_JOINTS = 2  # that turn, after the first one
 SPACINGS = (0.01, 0.5)  # rad
 MAX_BYTES = 1e9
@@ -114,7 +108,7 @@ class TableField(BatchedField):
                 return tabulate(self._scene, self.speed, disc, axes, self.threads)
 
         return PackedTable(
-            excess=kept_table("escape", self._digest(robot), shape, solve),
+            excess=kept_table("escape", self._key(robot, axes), shape, solve),
             start=float(disc.axis[0]),
             h=STRIDE * disc.h,
             lower=np.array([axis[0] for axis in axes]),
@@ -124,27 +118,16 @@ class TableField(BatchedField):
             u_bar=self.u_bar,
         )
 
-    def _digest(self, robot: Robot) -> str:
-        """SHA-256 of everything that the numbers of the table depend on; a base that slides has no part in it."""
+    def _key(self, robot: Robot, axes: tuple) -> str:
+        """What the file of the table is found by; a base that slides has no part in it."""
         base, scene = robot.base_dof, self._scene
-        arm = (scene.joint_origin[base:], scene.joint_axis[base:], scene.lower[base:], scene.upper[base:])
-        shapes = (scene.robot.first, scene.robot.vertices, scene.robot.radius, scene.robot.frame - base)
-        geometry = b"".join(np.round(array, 9).astype(float).tobytes() for array in (*arm, *shapes))
-        parts = (source_digest(), sys.byteorder, robot.workspace_radius, geometry)
-        numbers = (self.resolution, self.spacing, *astuple(self.speed))
-        return hashlib.sha256(repr((parts, numbers)).encode()).hexdigest()
+        joints = scene.joint_origin[base:], scene.joint_axis[base:]
+        shapes = scene.robot._replace(frame=scene.robot.frame - base)
+        grid = robot.workspace_radius, self.resolution
+        return table_key(joints, shapes, self.speed.packed(), grid, axes)
 
     def _answer_rows(self, level, q, points, out):
         run_rows(interpolate_rows, len(q), self.threads, self._scene, self._table, level, q, points, out)
-
-
-@cache
-def source_digest() -> str:
-    """SHA-256 of the code that makes tables."""
-    digest = hashlib.sha256()
-    for name in SOURCES:
-        digest.update((files("piec_envs.escape") / f"{name}.py").read_bytes())
-    return digest.hexdigest()
 
 
 def can_tabulate(robot: Robot) -> bool:

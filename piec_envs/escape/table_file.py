@@ -9,6 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from piec_envs.cache import cache_folder
 from piec_envs.files import replacing
 
 HEADER = 128  # bytes before the numbers
+_in_use: WeakValueDictionary[tuple[Path | None, str], np.ndarray] = WeakValueDictionary()
 
 
 def kept_table(name: str, digest: str, shape: tuple[int, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
@@ -28,10 +30,19 @@ def kept_table(name: str, digest: str, shape: tuple[int, ...], make: Callable[[]
         make: makes it, float32.
 
     Returns:
-        A read-only array; in memory alone where the folder cannot be written.
+        A read-only array, the same one as long as this process uses it; in memory alone where the folder
+        cannot be written.
     """
     folder = cache_folder()
     path = folder / "tables" / f"{name}-{digest[:16]}.table" if folder else None
+    table = _in_use.get((path, digest))
+    if table is None:
+        table = _in_use[path, digest] = _from_file(path, digest, shape, make)
+    return table
+
+
+def _from_file(path: Path | None, digest: str, shape: tuple[int, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+    """The table of that file, or one that is made now and put there."""
     kept = _read(path, digest, shape) if path else None
     if kept is not None:
         return kept
