@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import pickle
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import settings
+from numba.core.dispatcher import Dispatcher
 
 from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
@@ -94,3 +99,30 @@ def random_motion_of(object_name, rows=60, steps=200, seed=0, sigma=0.0, dynamic
 def random_motion():
     """The function `random_motion_of`."""
     return random_motion_of
+
+
+class _Looking(pickle.Pickler):
+    """Notes the compiled functions that it meets: they are pickled by value and compile anew elsewhere."""
+
+    def __init__(self, file: io.BytesIO):
+        super().__init__(file, protocol=5)
+        self.compiled: list[str] = []
+
+    def persistent_id(self, obj: Any) -> None:
+        """Called for every object on the way."""
+        if isinstance(obj, Dispatcher):
+            self.compiled.append(obj.py_func.__name__)
+
+
+def what_is_carried(item: Any) -> tuple[list[str], int]:
+    """Names of the compiled functions that a pickle of `item` carries, and its size, bytes."""
+    file = io.BytesIO()
+    pickler = _Looking(file)
+    pickler.dump(item)
+    return pickler.compiled, len(file.getvalue())
+
+
+@pytest.fixture(scope="session")
+def carried():
+    """The function `what_is_carried`."""
+    return what_is_carried

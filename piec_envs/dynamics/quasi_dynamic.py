@@ -14,7 +14,7 @@ from piec_envs.parallel import run_rows
 from piec_envs.world.objects import get_object
 from piec_envs.world.scene import pack_scene
 
-SOLVERS = ("fast", "osqp")
+SOLVERS = {"fast": rollout_rows, "osqp": rollout_rows_osqp}
 SMALL_BATCH = 64  # row-steps below which a second thread costs more than it brings
 
 
@@ -39,8 +39,7 @@ class QuasiDynamics:
         if model.compliance < 0 or model.push_out < 0:
             raise InvalidParameterError(f"compliance and push_out must be at least 0, got {model}")
         self._models = {name: model._replace(own_inertia=name == "own") for name in INERTIAS}
-        self.threads = threads
-        self._kernel = rollout_rows if solver == "fast" else rollout_rows_osqp
+        self.solver, self.threads = solver, threads  # not the kernel itself, which a copy would compile anew
 
     def rollout(
         self,
@@ -70,7 +69,7 @@ class QuasiDynamics:
         threads = 1 if batch * steps < SMALL_BATCH else self.threads
         for scene, model, rows in groups:
             run_rows(
-                self._kernel, len(rows), threads, rows, scene, model,
+                SOLVERS[self.solver], len(rows), threads, rows, scene, model,
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
         _hold_diverged(motion)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,7 +48,8 @@ class BatchedField(ABC):
     """Escape times of batches: exact (`GridField`), learned (`NetworkField`) or tabulated (`TableField`).
 
     Rows do not depend on each other, so row i equals the single query bit for bit, with any number
-    of threads.
+    of threads. Nothing changes a field: copies in the same process are the field itself, and what is
+    pickled is its `spec`, from which it is made again.
 
     Args:
         robot_name: a row of the table of robots.
@@ -56,9 +58,19 @@ class BatchedField(ABC):
     """
 
     name: str
+    threads: int | None
 
     def __init__(self, robot_name: str, dof: int, speed: SpeedModel):
         self.robot_name, self.speed, self._dof = robot_name, speed, dof
+
+    def __copy__(self) -> BatchedField:
+        return self
+
+    def __deepcopy__(self, memo: dict) -> BatchedField:
+        return self
+
+    def __reduce__(self) -> tuple:
+        return _made_again, (type(self), self.spec(), self.threads)
 
     @property
     def u_bar(self) -> float:
@@ -189,3 +201,11 @@ class BatchedField(ABC):
         out = np.empty((rows, k)), np.empty((rows, k, p_size)), np.empty((rows, k, q_size))
         self._answer_rows(level, q, points, out)
         return tuple(array[0] for array in out) if single else out
+
+
+def _made_again(kind: Callable[..., BatchedField], spec: Mapping[str, Any], threads: int | None) -> BatchedField:
+    """A field from what it says of itself."""
+    options: dict[str, Any] = {key: value for key, value in spec.items() if key != "name"}
+    if "speed" in options:
+        options["speed"] = SpeedModel(**options["speed"])
+    return kind(threads=threads, **options)

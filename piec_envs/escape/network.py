@@ -11,7 +11,7 @@ from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import Field
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.inference import answer_rows, describe_rows, pack_network
-from piec_envs.escape.weights import FieldWeights, find_weights
+from piec_envs.escape.weights import FieldWeights, find_weights, shipped_file
 from piec_envs.parallel import run_rows
 from piec_envs.world.scene import pack_scene
 
@@ -47,6 +47,12 @@ class NetworkField(BatchedField):
         super().__init__(robot_name, self._scene.joint_axis.shape[0], self.weights.speed)
         self._network = pack_network(self.weights)
         self._grid = GridField(robot_name, PICTURE_RESOLUTION, speed=self.weights.speed, threads=threads)
+
+    def __reduce__(self) -> tuple:
+        if self._source is not None and shipped_file(self.robot_name, self._source).is_file():
+            return super().__reduce__()
+        # A file may be elsewhere, or another one, where the copy is made: its weights go along.
+        return NetworkField, (self.robot_name, self.weights, self.threads), {"_source": self._source}
 
     def spec(self) -> dict:
         """What makes this field again through `make_field(**spec)`, as JSON-able values."""
