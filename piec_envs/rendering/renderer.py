@@ -44,7 +44,7 @@ class Renderer:
             The picture, shape (720, 720, 3), uint8.
 
         Raises:
-            RenderingError: where "mujoco" finds no OpenGL.
+            RenderingError: where "mujoco" finds no OpenGL, or in a process forked after OpenGL was in use.
         """
         if self.name == "drawing":
             from piec_envs.rendering.frame import render_frame

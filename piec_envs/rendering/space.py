@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import atexit
-import importlib
-import os
-import sys
-import weakref
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from functools import cache
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from piec_envs.dynamics.free_bodies import places_of, poses_at_start, upright
 from piec_envs.episodes.tasks import GOAL_RADIUS
-from piec_envs.errors import RenderingError
 from piec_envs.rendering.drawing import base_position
+from piec_envs.rendering.opengl import Offscreen
 from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import get_object
 
@@ -66,10 +60,13 @@ def task_marks(goal: np.ndarray, reference: np.ndarray | None = None, trail: np.
 
 
 class SpaceFrames:
-    """Draws frames through OpenGL and keeps one renderer for each scene until it is closed."""
+    """Draws frames through OpenGL and keeps one renderer for each scene until it is closed; copies open their own."""
 
     def __init__(self):
-        self._renderers: dict[tuple[str, str], tuple[Any, Any]] = {}  # with MuJoCo's data
+        self._opened: dict[tuple[str, str], Offscreen] = {}
+
+    def __reduce__(self) -> tuple:
+        return SpaceFrames, ()
 
     def frame(self, batch: EpisodeBatch, row: int, trail: np.ndarray | None = None) -> np.ndarray:
         """Draw the present state of one episode.
@@ -83,7 +80,7 @@ class SpaceFrames:
             The picture, shape (720, 720, 3), uint8.
 
         Raises:
-            RenderingError: where there is no OpenGL.
+            RenderingError: where there is no OpenGL, or after a fork.
         """
         marks = task_marks(batch.task.goal, batch.task.reference, trail)
         state = batch.state
@@ -118,9 +115,10 @@ class SpaceFrames:
             The picture, shape (720, 720, 3), uint8.
 
         Raises:
-            RenderingError: where there is no OpenGL.
+            RenderingError: where there is no OpenGL, or after a fork.
         """
-        renderer, data = self._renderer(robot, object_name)
+        offscreen = self._offscreen(robot, object_name)
+        renderer, data = offscreen.renderer, offscreen.data
         import mujoco
 
         item = get_object(object_name)
@@ -138,82 +136,25 @@ class SpaceFrames:
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # pale parts without shadow
         for mark in (*_ground(robot, q, view), *marks):
             _add_disc(renderer.scene, mark)
-        return renderer.render()
+        return offscreen.draw()
 
     def close(self) -> None:
         """Free the renderers and their OpenGL contexts."""
-        while self._renderers:
-            renderer, _ = self._renderers.popitem()[1]
-            renderer.scene.ngeom = 0
-            renderer.render()  # makes its context current: closing frees by numbers, which others use too
-            renderer.close()
+        while self._opened:
+            self._opened.popitem()[1].close()
 
     def __del__(self):
         self.close()
 
-    def _renderer(self, robot: Robot, object_name: str) -> tuple[Any, Any]:
-        """The renderer of a scene and the data it draws from."""
+    def _offscreen(self, robot: Robot, object_name: str) -> Offscreen:
+        """What draws a scene, opened with its first frame."""
         key = (robot.name, object_name)
-        if key not in self._renderers:
-            self._renderers[key] = _open(robot, object_name)
-            _close_at_exit()
-            _opened.add(self)
-        return self._renderers[key]
-
-
-_opened: weakref.WeakSet[SpaceFrames] = weakref.WeakSet()
-
-
-@cache
-def _close_at_exit() -> None:
-    """Close what was left open before EGL ends: to be called once EGL has registered its own end."""
-    atexit.register(_close_all)
-
-
-def _close_all() -> None:
-    for frames in list(_opened):
-        frames.close()
+        if key not in self._opened:
+            self._opened[key] = Offscreen(partial(_model, robot, object_name), SIZE)
+        return self._opened[key]
 
 
 # --- scene -------------------------------------------------------------------------------------
-
-
-def _open(robot: Robot, object_name: str) -> tuple[Any, Any]:
-    """A renderer of a scene and data of its model.
-
-    Raises:
-        RenderingError: where there is no OpenGL.
-    """
-    with _opengl():
-        _choose_backend()
-        import mujoco
-    model = _model(robot, object_name)
-    data = mujoco.MjData(model)
-    with _opengl():
-        return mujoco.Renderer(model, SIZE, SIZE), data
-
-
-@contextmanager
-def _opengl() -> Iterator[None]:
-    """Say what to do where OpenGL fails: each backend does so in its own way, some when imported."""
-    try:
-        yield
-    except Exception as cause:
-        raise RenderingError(
-            f"renderer='mujoco' could not open OpenGL with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r} "
-            f"({type(cause).__name__}: {cause}); without a screen set MUJOCO_GL=egl, or MUJOCO_GL=osmesa where "
-            "libosmesa is installed, before Python starts, or use renderer='drawing'"
-        ) from cause
-
-
-def _choose_backend() -> None:
-    """Take EGL where nothing was chosen and there is no screen, even if MuJoCo has been imported before."""
-    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if sys.platform != "linux" or screen or os.environ.get("MUJOCO_GL"):
-        return
-    os.environ["MUJOCO_GL"] = "egl"
-    if "mujoco" in sys.modules:  # it has looked at the variable already, and looks again
-        importlib.reload(sys.modules[sys.modules["mujoco"].Renderer.__module__].gl_context)
 
 
 def _model(robot: Robot, object_name: str) -> Any:
