@@ -5,14 +5,45 @@ A `kernel` is called by other kernels and owns no memory: it is compiled without
 counting, whose atomic increments for every array of a packed scene cost ten times the arithmetic.
 A `lane_kernel` is a `kernel` whose inner loops run over a fixed number of lanes, so that every lane
 goes through the same instructions; it may fuse a product and a sum into one rounding.
-All release the GIL, follow IEEE rules for division, and are cached on disk. There is no other
-fastmath: row i of a batch must be bit-equal to a batch of one.
+All release the GIL, follow IEEE rules for division, and are cached on disk where some folder can be
+written. There is no other fastmath: row i of a batch must be bit-equal to a batch of one.
 """
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 from numba import njit
 
-batch_kernel = njit(cache=True, nogil=True, error_model="numpy")
-kernel = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-lane_kernel = njit(cache=True, nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"})
+
+def _compiled(**options: Any) -> Callable[[Callable], Any]:
+    """A decorator that compiles a function with Numba's options."""
+
+    def decorate(function: Callable) -> Any:
+        try:
+            return njit(cache=True, **options)(function)
+        except RuntimeError as error:  # Numba finds no folder that it can write
+            if "cannot cache" not in str(error):
+                raise
+            _say_unkept()
+            return njit(**options)(function)
+
+    return decorate
+
+
+@cache
+def _say_unkept() -> None:
+    print(
+        "piec_envs: neither the installation nor a home folder can be written, so that every process compiles for "
+        "minutes; set NUMBA_CACHE_DIR to a folder that keeps what is compiled",
+        file=sys.stderr,
+        flush=True,
+    )
+
+
+batch_kernel = _compiled(nogil=True, error_model="numpy")
+kernel = _compiled(nogil=True, error_model="numpy", _nrt=False)
+lane_kernel = _compiled(nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"})
