@@ -15,6 +15,7 @@ from planners.sb3.spec import TrainSpec
 
 NAMESPACE = "piec_envs/"
 SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf", "delta_std")  # "lin_3e-4" falls to 0 at the end
+NORMALISED = ("observation",)  # of the parts of a goal-conditioned observation
 OWN = ("env", "seed", "verbose", "tensorboard_log", "stats_window_size", "_init_setup_model")  # decided by `train`
 
 
@@ -125,7 +126,14 @@ def model_arguments(spec: TrainSpec) -> dict[str, Any]:
 
 
 def normalisation_arguments(spec: TrainSpec) -> dict[str, Any] | None:
-    """Arguments of SB3's `VecNormalize`, with the discount of the algorithm; None to normalise nothing."""
+    """Arguments of SB3's `VecNormalize`, with the discount of the algorithm; None to normalise nothing.
+
+    Of a goal-conditioned observation the part "observation" alone is normalised: the goal is the same in all
+    episodes, so that the goals that hindsight puts in its place would all be cut to one bound or the other.
+
+    Raises:
+        InvalidParameterError: for a value that is none of these, or names the goals.
+    """
     chosen = spec.hyper.get("normalize", False)
     if isinstance(chosen, str):
         chosen = parse("normalize", chosen)
@@ -133,7 +141,14 @@ def normalisation_arguments(spec: TrainSpec) -> dict[str, Any] | None:
         return None
     if chosen is not True and not isinstance(chosen, Mapping):
         raise InvalidParameterError(f"normalize is true, false or such as dict(norm_obs=False), got {chosen!r}")
-    return {"gamma": spec.hyper.get("gamma", 0.99), **({} if chosen is True else chosen)}
+    given: dict[str, Any] = {"gamma": spec.hyper.get("gamma", 0.99), **({} if chosen is True else chosen)}
+    if spec.env_kwargs.get("goal_conditioned") and given.get("norm_obs", True):
+        keys = given.setdefault("norm_obs_keys", list(NORMALISED))
+        if not isinstance(keys, list) or set(keys) - set(NORMALISED):
+            raise InvalidParameterError(
+                f"norm_obs_keys may be {list(NORMALISED)} alone, since goals would be cut to two values; got {keys!r}"
+            )
+    return given
 
 
 def _schedule(name: str, text: str) -> Any:

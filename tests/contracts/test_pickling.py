@@ -20,7 +20,15 @@ from piec_envs.kernels import batch_kernel
 from piec_envs.registration import ENVS, MOTIONS
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
-from planners import CmaEsConfiguration, CmaEsPlanner, ExhaustiveConfiguration, RigidCarry, SqpConfiguration
+from planners import (
+    CmaEsConfiguration,
+    CmaEsPlanner,
+    ExhaustiveConfiguration,
+    OpenLoopPolicy,
+    Plan,
+    RigidCarry,
+    SqpConfiguration,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 LARGEST = 150_000  # bytes; a table of the Franka has 100 MB
@@ -146,6 +154,16 @@ def test_planners_and_what_they_ask_carry_nothing_compiled(item, carried):
 def test_dynamics_carry_nothing_compiled(name, carried):
     for solver in ("fast", "osqp"):
         assert not carried(DYNAMICS[name](DynamicsOptions(solver=solver)))[0]
+
+
+def test_a_policy_carries_nothing_compiled(carried):
+    robot = get_robot("planar_arm")
+    plan = Plan(
+        env_id=PUSH, robot=robot.name, joints=tuple(joint.name for joint in robot.joints), horizon=1000,
+        env_kwargs={}, path=np.zeros((1001, 4)), via_points=np.zeros((1, 4)), objective="contact", preset="default",
+        seed=0, cost=0.0, nominal={},
+    )  # fmt: skip
+    assert not carried(OpenLoopPolicy(plan))[0]
 
 
 @batch_kernel

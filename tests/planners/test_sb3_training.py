@@ -268,6 +268,36 @@ def test_goal_conditioned_agents_learn_from_hindsight(tmp_path):
     np.testing.assert_allclose(open_loop(agent).plan.path, rows.q_r[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("algo", SPECS)
+def test_policies_carry_nothing_compiled(algo, trained, carried):
+    agent = Agent.load(trained[algo][1] / "agent.zip")
+    for policy in (AgentPolicy(agent), open_loop(agent)):
+        assert not carried(policy)[0]
+
+
+@pytest.mark.parametrize("normalize", [True, "dict(norm_reward=False)", {"norm_obs_keys": ["observation"]}], ids=str)
+def test_normalising_leaves_the_goals_of_hindsight_as_they_are(normalize, tmp_path):
+    hyper = {**OFF, "replay_buffer_class": "HerReplayBuffer", "normalize": normalize}
+    env = {**ENV, "goal_conditioned": True, "object": "circle"}
+    spec = TrainSpec(PUSH, "sac", 60, 1, 2, env, hyper, evaluations=2, eval_episodes=2)
+    model = trainings.Training(spec, tmp_path, model_arguments(spec)).model
+    model.learn(60)
+    normalised = model.get_vec_normalize_env()
+    batches = []
+    for venv in (None, normalised):
+        model.set_random_seed(0)  # of NumPy too, from which SB3's buffer draws
+        batches.append(model.replay_buffer.sample(200, env=venv))
+    plain, scaled = batches
+    for name in ("achieved_goal", "desired_goal"):
+        assert (plain.observations[name] == scaled.observations[name]).all()
+    assert len(np.unique(scaled.observations["desired_goal"].numpy(), axis=0)) > 10
+    assert (plain.observations["observation"] != scaled.observations["observation"]).any()
+    raw = {name: np.ones((1, *space.shape)) for name, space in normalised.observation_space.items()}
+    seen, expected = trainings.normalise(raw, trainings.statistics_of(normalised)), normalised.normalize_obs(raw)
+    for name in raw:
+        np.testing.assert_allclose(seen[name], expected[name], rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
@@ -285,6 +315,11 @@ def test_goal_conditioned_agents_learn_from_hindsight(tmp_path):
         ({"hyper": {"policy_kwargs": "dict(net_arch=__import__('os'))"}}, InvalidParameterError, "literals"),
         ({"hyper": {"policy_kwargs": "dict(activation_fn=nn.functional)"}}, InvalidParameterError, "literals"),
         ({"hyper": {"normalize": 3}}, InvalidParameterError, "normalize"),
+        (
+            {"hyper": {"normalize": {"norm_obs_keys": ["desired_goal"]}}, "env_kwargs": {"goal_conditioned": True}},
+            InvalidParameterError,
+            "norm_obs_keys may be .'observation'. alone",
+        ),
     ],
     ids=str,
 )
