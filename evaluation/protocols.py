@@ -114,7 +114,7 @@ _AROUND = {
     "octagon": ("octagon around the circle", "circle"),
     "hexagon": ("hexagon around the circle", "circle"),
     "square": ("square around the circle", "circle"),
-    "box_212": ("square box around circle_119", "circle_119"),
+    "box_212": ("square box that circle_119 stands for (its sides cut the disc)", "circle_119"),
     "paper_pack_wrapped": ("rounded box around paper_pack", "paper_pack"),
     "a4_box": ("sharp box around paper_pack", "paper_pack"),
 }

@@ -238,7 +238,7 @@ class MotionEnv(gym.Env):
 
 
 class PlanarArmPushEnv(MotionEnv):
-    """Push an object into a goal region with the whole planar 4-DOF arm (paper section 5.5).
+    """Push an object into a goal region with the whole planar 4-DOF arm (paper section 5.4).
 
     **Action.** Box(-1, 1, (4,)): commanded joint velocities over 0.05 rad/s. The command moves by
     at most 0.005 rad in a step of 0.1 s, stays within the joint limits (+-pi, +-2.6 rad) and leads

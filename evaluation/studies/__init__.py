@@ -51,7 +51,7 @@ STUDIES = {
         Study(
             "planar-objectives",
             "evaluation.studies.planar_objectives",
-            "what the three objectives make the arm do (paper, section 5.5)",
+            "what the three objectives make the arm do (paper, section 5.4)",
         ),
         Study(
             "planar-disturbance",
@@ -86,7 +86,7 @@ STUDIES = {
         Study(
             "franka-fields",
             "evaluation.studies.franka_fields",
-            "how good the escape fields of the Franka are (paper, appendix C)",
+            "how good the escape fields of the Franka are (paper, appendix B.2)",
         ),
         Study(
             "franka-caging",

@@ -1,4 +1,4 @@
-"""What the three objectives make the arm do, without disturbance (paper, section 5.5).
+"""What the three objectives make the arm do, without disturbance (paper, section 5.4).
 
 The same task is planned with each objective and several planner seeds. Shown are key frames, the
 fraction of the time in which each link touches the object, the arm's mean distance and the caging

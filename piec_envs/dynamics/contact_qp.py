@@ -1,4 +1,4 @@
-"""The contact QP of one quasi-dynamic step (paper eq. 7), as a value object, and its reference solver.
+"""The contact QP of one quasi-dynamic step (paper eq. 11), as a value object, and its reference solver.
 
     min over dq   1/2 dq^T Q dq - dq^T b  +  sum_i s_i^2 / (2 c)
     s.t.          A dq + phi + s >= 0

@@ -1,4 +1,4 @@
-"""The compiled quasi-dynamic step and rollout (paper eq. 7)."""
+"""The compiled quasi-dynamic step and rollout (paper eq. 11)."""
 
 from __future__ import annotations
 

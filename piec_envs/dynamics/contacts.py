@@ -143,7 +143,7 @@ def find_contacts(scene, robot_vertices, object_vertices, pairs, margin, contact
 
 @kernel
 def contact_rows(scene, frames, pose, contacts, friction, rows):
-    """Constraint rows J_n -/+ mu J_t of eq. 7, two for each contact.
+    """Constraint rows J_n -/+ mu J_t of eq. 11, two for each contact.
 
     Args:
         scene: a `PackedScene`.

@@ -1,4 +1,4 @@
-"""Quasi-dynamic contact dynamics (paper eq. 7), batched over rows."""
+"""Quasi-dynamic contact dynamics (paper eq. 11), batched over rows."""
 
 from __future__ import annotations
 

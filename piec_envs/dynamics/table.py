@@ -28,7 +28,7 @@ class DynamicsOptions(NamedTuple):
 
 
 def _quasi_dynamic(options: DynamicsOptions) -> Dynamics:
-    """First order: one small quadratic program in each step (paper eq. 7)."""
+    """First order: one small quadratic program in each step (paper eq. 11)."""
     return QuasiDynamics(*options)
 
 

@@ -1,4 +1,4 @@
-"""Static caging: which posture makes the object's escape take longest (paper, eq. of section 4.5)."""
+"""Static caging: which posture makes the object's escape take longest (paper, section 4.5, eq. 9)."""
 
 from __future__ import annotations
 

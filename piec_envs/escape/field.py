@@ -164,7 +164,7 @@ def key_points_world(key_points: np.ndarray, pose: np.ndarray) -> np.ndarray:
 def object_escape_time(
     field: EscapeField, key_points: np.ndarray, pose: np.ndarray, q_r: np.ndarray, reduce: str = "mean"
 ) -> np.ndarray:
-    """Escape time of an object, a lower bound from its key points (paper, section 4.3, eq. of T_hat).
+    """Escape time of an object, a lower bound from its key points (paper, section 4.3, eq. 6).
 
     Args:
         field: an `EscapeField`.

@@ -51,7 +51,7 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
 
 
 class GridField(BatchedField):
-    """Escape time from a grid solver, one solve per configuration (paper, section 3.2).
+    """Escape time from a grid solver, one solve per configuration (paper, section 3.3).
 
     The workspace disc moves with the robot's base. Rows of a batch do not depend on each other, so
     row i equals the single query bit for bit, with any number of threads.

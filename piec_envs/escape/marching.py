@@ -84,7 +84,7 @@ def march(time, cost, least, order, node, width):
 
 
 def fast_march(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0) -> np.ndarray:
-    """Solve |grad T| = slowness on any grid, second order (paper, eq. of section 3.2).
+    """Solve |grad T| = slowness on any grid, second order (paper, section 3.3, eq. 2).
 
     Args:
         slowness: 1 / speed at each node, inf in walls, finite where T is given, shape (n, m), s/m.

@@ -19,7 +19,7 @@ PICTURE_RESOLUTION = 100  # nodes a side where the whole field is asked
 
 
 class NetworkField(BatchedField):
-    """Escape time from a trained network (paper, section 4.2).
+    """Escape time from a trained network (paper, section 4.3).
 
     `FieldWeights` says what the network sees and how its output becomes a time.
 

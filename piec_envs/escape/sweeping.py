@@ -155,7 +155,7 @@ def sweep_to_rest(field, cost, least, layout):
 
 
 def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0) -> np.ndarray:
-    """Solve |grad T| = slowness on any grid, first order (paper, eq. of section 3.2).
+    """Solve |grad T| = slowness on any grid, first order (paper, section 3.3, eq. 2).
 
     Args:
         slowness: 1 / speed at each node, inf in walls, finite where T is given, shape (n, m), s/m.

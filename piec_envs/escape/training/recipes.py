@@ -137,7 +137,7 @@ class Bellman(Fitted):
 
 @dataclass(frozen=True, kw_only=True)
 class Residual(Recipe):
-    """The paper's physics-informed loss (section 4.2, appendix A.1.1), without labels.
+    """The paper's physics-informed loss (section 4.3, appendix A.1.1), without labels.
 
     Args:
         weight_pde: lambda of the eikonal residual.

@@ -1,4 +1,4 @@
-"""The paper's physics-informed loss: eikonal residual and boundary, without labels (section 4.2)."""
+"""The paper's physics-informed loss: eikonal residual and boundary, without labels (section 4.3)."""
 
 from __future__ import annotations
 

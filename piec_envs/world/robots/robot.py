@@ -42,7 +42,7 @@ class Joint:
         upper: largest position, rad or m.
         speed_limit: largest commanded speed, rad/s or m/s.
         max_lead: largest distance of the command ahead of the joint, rad or m.
-        stiffness: K of the paper's eq. 7, Nm/rad or N/m; second-order dynamics take it for a spring.
+        stiffness: K of the paper's eq. 11, Nm/rad or N/m; second-order dynamics take it for a spring.
         damping: of the controller under second-order dynamics, Nm s/rad or N s/m.
         armature: inertia of the drive, kg m^2 or kg.
         effort: largest torque or force of the drive, Nm or N.
