@@ -37,20 +37,32 @@ def test_the_quick_start_is_short_and_parses():
     assert len([line for line in code[1].splitlines() if line.strip()]) <= 12
 
 
+FIDELITY = (ROOT / "docs" / "fidelity.md").read_text(encoding="utf-8")
+QUOTE = re.compile(r"<!-- from (\S+) -->\n\n(.*?)\n\n", re.DOTALL)
 SOURCES = re.findall(r"<!-- from (\S+) -->", TEXT)
+QUOTES = [(page, *quote) for page, text in (("README", TEXT), ("fidelity", FIDELITY)) for quote in QUOTE.findall(text)]
 
 
 def test_tables_are_quoted():
     assert len(SOURCES) >= 6 and len(set(SOURCES)) == len(SOURCES)
 
 
-@pytest.mark.parametrize("source", SOURCES)
-def test_numbers_stand_in_the_recorded_tables(source):
-    """Each row that the README quotes is a part of a row of the recorded table."""
-    quoted = re.search(rf"<!-- from {re.escape(source)} -->\n\n(.*?)\n\n", TEXT, re.DOTALL)
-    assert quoted is not None
+@pytest.mark.parametrize("page, source, quoted", QUOTES, ids=[f"{page}-{source}" for page, source, _ in QUOTES])
+def test_numbers_stand_in_the_recorded_tables(page, source, quoted):
+    """Each row that a page quotes is a part of a row of the recorded table."""
     recorded = [set(cells(line)) for line in (ROOT / source).read_text(encoding="utf-8").splitlines() if "|" in line]
-    rows = quoted[1].splitlines()
+    rows = quoted.splitlines()
     assert len(rows) > 3
     for line in (line for line in rows if "---" not in line):
         assert any(set(cells(line)) <= row for row in recorded), line
+
+
+def test_every_quote_is_checked():
+    assert [source for page, source, _ in QUOTES if page == "README"] == SOURCES
+    assert sum(page == "fidelity" for page, *_ in QUOTES) == FIDELITY.count("<!-- from") >= 5
+
+
+def test_links_of_the_comparison_with_the_paper_lead_somewhere():
+    links = re.findall(r"\]\(([^)#]+)\)", FIDELITY)
+    assert [link for link in links if not (ROOT / "docs" / link).exists()] == []
+    assert "(docs/fidelity.md)" in TEXT

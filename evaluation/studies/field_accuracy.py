@@ -1,4 +1,4 @@
-"""How good the escape fields are: exact grids, the trained network, and label-free attempts.
+"""How good the escape fields are: exact grids, the trained network, and label-free attempts (paper, section 4.6).
 
 All are held against the second-order grid at 200 x 200 on held-out sets (`evaluation.field_sets`), and
 those that matter against one at 800 x 800 as well, which says how far that truth is to be trusted.
