@@ -41,13 +41,14 @@ def as_policy(policy: Any) -> Any:
     """
     if isinstance(policy, gym.Env | gym.vector.VectorEnv):
         raise InvalidParameterError(f"the policy comes first, and then an id: got the environment {policy!r}")
-    if hasattr(policy, "predict"):
-        return policy
-    own = getattr(policy, "policy", None)
-    if callable(own):
-        return own()
-    if callable(policy) and not isinstance(policy, type):
-        return policy
+    if not isinstance(policy, type):
+        if hasattr(policy, "predict"):
+            return policy
+        own = getattr(policy, "policy", None)
+        if callable(own):
+            return own()
+        if callable(policy):
+            return policy
     raise InvalidParameterError(
         "a policy has a method `predict`, or is a function from observations to actions, or a plan, or an agent; "
         f"got {policy!r}" + (": load it first, by Plan.load or Agent.load" if isinstance(policy, str) else "")

@@ -226,7 +226,7 @@ class OpenLoopPolicy:
         try:
             self._reader = ObservationReader(plan.env_id, plan.env_kwargs, plan.horizon)
         except UnknownNameError as error:
-            raise PlanError(f"this plan is for an environment that does not exist: {error}") from error
+            raise PlanError(f"no environment can be made for this plan: {error}") from error
         self.plan = plan
         self._step = CONTROL_PERIOD * get_robot(plan.robot).speed_limit  # (n,) largest motion of a step
 

@@ -111,7 +111,8 @@ def escape_fields(sizes: Sizes, resolution: int = 100) -> list[Row]:
         rows.append(row(f"field, {method}", 1e3 * seconds[method], "ms", "", f"one core, {resolution} x {resolution}"))
     reference = _scikit_fmm(q, resolution, sizes.repeats)
     if reference is None:
-        return [*rows, {**row("field, scikit-fmm", np.nan, "ms"), "note": f"needs scikit-fmm: {install_command('dev')}"}]
+        note = f"needs scikit-fmm: {install_command('dev')}"
+        return [*rows, {**row("field, scikit-fmm", np.nan, "ms"), "note": note}]
     rows.append(row("field, scikit-fmm", 1e3 * reference, "ms", "", "second order, speed map not counted"))
     for method, wanted in (("marching", "at least 1.2"), ("sweeping", "at least 3")):
         rows.append(row(f"{method} over scikit-fmm", reference / seconds[method], "times", wanted, "per core"))

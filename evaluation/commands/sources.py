@@ -97,8 +97,8 @@ def _lines(source: Source, plants: Mapping[str, Mapping[str, Any]]) -> tuple[str
     (first, whole), *others = plants.items()
     lines = [f"{first}: {plant_line(whole)}"]
     lines += [f"{name}: {plant_changes(whole, plant) or 'the same'}" for name, plant in others]
-    quiet = set(source.made.model_kwargs)
-    beside = {name: value for name, value in source.made.disturbed_kwargs.items() if name not in quiet and value}
+    quiet, all_of_it = source.made.model_kwargs, source.made.disturbed_kwargs
+    beside = {name: all_of_it[name] for name in sorted(set(all_of_it) - set(quiet)) if all_of_it[name]}
     told = [f"{name} {plain(value)}" for name, value in beside.items() if value != whole.get(name)]
     if told:
         lines.append(f"made with {', '.join(told)}, which --plant disturbed puts in force")

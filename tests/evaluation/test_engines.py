@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 import time
@@ -18,6 +19,7 @@ from evaluation.jobs import Work, run_jobs, run_recorded
 from evaluation.records import read_records
 from evaluation.studies import eikonal_toy
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, UnknownNameError
+from piec_envs.versions import install_command
 
 ROOT = Path(__file__).resolve().parents[2]
 CHORES = """
@@ -170,7 +172,7 @@ def test_workers_with_other_versions_are_refused():
 @pytest.mark.parametrize("name", ["ray", "slurm"])
 def test_a_missing_package_names_its_extra(name, monkeypatch):
     monkeypatch.setattr(engines, "find_spec", lambda package: None)
-    with pytest.raises(MissingDependencyError, match=rf"pip install 'piec-envs\[{name}\]'"), open_engine(name):
+    with pytest.raises(MissingDependencyError, match=re.escape(install_command(name))), open_engine(name):
         pass
 
 

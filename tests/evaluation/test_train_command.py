@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from evaluation.cli import main
+from piec_envs.versions import install_command
 
 HYPER = ["n_envs=2", "n_steps=10", "batch_size=20", "n_epochs=1", 'policy_kwargs={"net_arch": [8]}']
 TRAIN = ["train", "--steps", "60", "--set", "escape_field=null", "action_repeat=100", "--hyper", *HYPER]
@@ -70,4 +71,4 @@ def test_without_stable_baselines3_the_extra_is_named(command, monkeypatch, piec
 
     assert planners.CmaEsPlanner().population and "ppo" in sb3.ALGORITHMS
     code, document = piec(*command)
-    assert code == 2 and "pip install 'piec-envs[rl]'" in document["error"]
+    assert code == 2 and install_command("rl") in document["error"]

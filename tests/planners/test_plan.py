@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import piec_envs  # noqa: F401
-from piec_envs.errors import InvalidActionError, PlanError
+from piec_envs.errors import PlanError
 from planners import OpenLoopPolicy, Plan
 
 PUSH = "piec_envs/PlanarArmPush-v0"
@@ -52,8 +54,6 @@ def test_broken_and_foreign_files_are_refused(plan, tmp_path):
 
 
 def test_plan_for_another_env_robot_or_joints_is_refused(plan):
-    import dataclasses
-
     plan.check_fits(PUSH, "planar_arm", plan.path[0])
     with pytest.raises(PlanError, match="PlanarArmTrack"):
         plan.check_fits("piec_envs/PlanarArmTrack-v0", "planar_arm", plan.path[0])
@@ -81,9 +81,10 @@ def test_policy_works_on_batches_and_either_task(plan):
     for env_id in (PUSH, "piec_envs/PlanarArmTrack-v0"):
         envs = gym.make_vec(env_id, num_envs=3, escape_field=None)
         observation, _ = envs.reset(seed=0)
-        actions, state = OpenLoopPolicy(plan).predict(observation, state="kept")
+        policy = dataclasses.replace(plan, env_id=env_id).policy()
+        actions, state = policy.predict(observation, state="kept")
         assert actions.shape == (3, 4) and state == "kept"
-        single, _ = OpenLoopPolicy(plan).predict(observation[1])
+        single, _ = policy.predict(observation[1])
         np.testing.assert_array_equal(single, actions[1])
 
 
@@ -98,6 +99,24 @@ def test_policy_catches_up_after_a_stall(plan):
     np.testing.assert_allclose(env.get_state().q_r[0], plan.path[900], atol=1e-9)
 
 
-def test_a_short_observation_is_refused(plan):
-    with pytest.raises(InvalidActionError, match="entries"):
-        OpenLoopPolicy(plan).predict(np.zeros(7))
+def test_what_is_no_plan_has_no_policy(plan, tmp_path):
+    for given in (tmp_path / "plan.npz", plan.path, None):
+        with pytest.raises(PlanError, match=r"Plan\.load"):
+            OpenLoopPolicy(given)
+    with pytest.raises(PlanError, match=r"no environment .*PlanarArmPush"):
+        OpenLoopPolicy(dataclasses.replace(plan, env_id="piec_envs/PlanarLegPush-v0"))
+    with pytest.raises(PlanError, match="static caging"):
+        OpenLoopPolicy(dataclasses.replace(plan, env_id="piec_envs/PlanarArmCage-v0"))
+    with pytest.raises(PlanError, match=r"no environment .*contact"):
+        OpenLoopPolicy(dataclasses.replace(plan, env_kwargs={"contact": "link"}))
+
+
+def test_a_missing_file_is_called_missing(plan, tmp_path):
+    plan.save(tmp_path / "caging.npz")
+    with pytest.raises(PlanError, match=r"there is no file .*cagin\.npz; did you mean .*caging\.npz\?") as caught:
+        Plan.load(tmp_path / "cagin.npz")
+    assert "broken" not in str(caught.value)
+    with pytest.raises(PlanError, match="no folder"):
+        Plan.load(tmp_path / "nowhere" / "caging.npz")
+    with pytest.raises(PlanError, match="is a folder"):
+        Plan.load(tmp_path)

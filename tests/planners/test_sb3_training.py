@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from evaluation import evaluate
-from piec_envs.errors import AgentError, InvalidActionError, InvalidParameterError, UnknownNameError
+from evaluation.cli import main
+from piec_envs.errors import AgentError, InvalidObservationError, InvalidParameterError, UnknownNameError
 
 pytest.importorskip("stable_baselines3")
 
@@ -122,8 +123,37 @@ def test_the_policy_decides_for_each_row_by_its_own_clock(trained):
     observation[:, -1] = 0.05 + 1e-9
     assert policy.predict(observation, state=held)[0] is held
     assert policy.predict(observation[0])[0].shape == (4,)
-    with pytest.raises(InvalidActionError, match="23 entries, got 25"):
+    with pytest.raises(InvalidObservationError, match="23 entries, got 25"):
         policy.predict(np.zeros((2, 25)))
+    wide = np.concatenate([observation, observation[:, -1:]], axis=1)  # as TimeAwareObservation's
+    for broken in (wide, observation * np.nan, observation.astype(int), "observation", {"observation": observation}):
+        with pytest.raises(InvalidObservationError):
+            policy.predict(broken)
+    with pytest.raises(AgentError, match=r"Agent\.load"):
+        AgentPolicy(trained["ppo"][0].model)
+
+
+def test_an_agent_is_judged_by_what_it_was_trained_for(tmp_path):
+    """Its goal, object and friction; what only its training drew is drawn where that is asked for."""
+    own = {"goal": [0.2, 0.5], "object": "square", "friction": 0.2}
+    drawn = {"start_noise": [0.01, 0.05], "randomize": {"friction": [0.1, 0.3]}, "action_repeat": 100}
+    env = {"escape_field": None, **own, **drawn, "threads": 1}
+    spec = TrainSpec(PUSH, "sac", 30, n_envs=2, env_kwargs=env, hyper=OFF, evaluations=1, eval_episodes=1)
+    agent = train(spec, tmp_path, progress=False)
+    without = {"env_kwargs": {"escape_field": None}}
+    (seen,) = {json.dumps(evaluate(judged, **without).spec["env_kwargs"]) for judged in (agent, AgentPolicy(agent))}
+    assert json.loads(seen) == {**own, "escape_field": None}
+    single = evaluate(agent, **without)
+    np.testing.assert_allclose(single.goal_distance[0], np.hypot(*(single.pose[0, :, :2] - [0.2, 0.5]).T), atol=1e-12)
+    again = evaluate(agent, plant="disturbed", episodes=2, **without)
+    assert again.spec["env_kwargs"]["randomize"] == {"friction": [0.1, 0.3]} and len(again.distinct) == 2
+    default = evaluate(agent, plant="default", **without).spec["env_kwargs"]
+    assert default == {"goal": [0.2, 0.5], "escape_field": None}
+    arguments = [str(tmp_path / "agent.zip"), "--set", "escape_field=null", "--json"]
+    assert main(["evaluate", *arguments, "--out", str(tmp_path / "out")]) == 0
+    table = (tmp_path / "out" / "table.md").read_text()
+    assert "goal (0.2, 0.5) m, object square, friction 0.2" in table and "made with start_noise" in table
+    assert main(["render", *arguments, "--frames", "1", "--out", str(tmp_path / "a.gif")]) == 0
 
 
 def test_open_loop_is_a_plan_like_any_other(trained, tmp_path):
@@ -262,9 +292,9 @@ def test_goal_conditioned_agents_learn_from_hindsight(tmp_path):
     hyper = {**OFF, "replay_buffer_class": "HerReplayBuffer", "replay_buffer_kwargs": {"n_sampled_goal": 2}}
     env = {**ENV, "goal_conditioned": True}
     agent = train(TrainSpec(PUSH, "sac", 60, 1, 2, env, hyper, evaluations=2, eval_episodes=2), tmp_path, False)
-    assert agent.robot_kwargs == {"goal_conditioned": True}
+    assert agent.task_kwargs == {"goal_conditioned": True}
     agent = Agent.load(tmp_path / "agent.zip")
-    rows = evaluate(AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None, **agent.robot_kwargs})
+    rows = evaluate(AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None})
     np.testing.assert_allclose(open_loop(agent).plan.path, rows.q_r[0], atol=1e-9)
 
 
