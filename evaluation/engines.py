@@ -25,6 +25,7 @@ from piec_envs.versions import source, versions
 
 RAY_STORE = 100 * 2**20  # bytes; results are small, and Ray would take a third of the memory
 SLURM_FOLDER = "runs/slurm"
+LATE_SECONDS = 15.0  # by which the file of an answer may be seen later than the end of its job
 SLURM_OPTIONS = {
     "name": "piec",
     "cpus_per_task": 1,
@@ -203,26 +204,39 @@ class _SlurmFuture:
 
     def __init__(self, submit: Callable[[], Any]):
         self._submit, self.job = submit, submit()
-        self._losses = 0
+        self._losses, self._ended = 0, -1.0
         self.answer: tuple[Any, Exception | None] | None = None
 
     def done(self) -> bool:
-        """Whether there is an answer; a lost job is submitted again, and raises EngineError if lost too often."""
-        from submitit.core.utils import FailedJobError, UncompletedJobError
+        """Whether there is an answer; a lost job is submitted again, and raises EngineError if lost too often.
+
+        It waits for nothing, so that the other jobs go on: an answer that may only be late is looked for again.
+        """
+        from submitit.core.utils import FailedJobError
 
         if self.answer or not self.job.done():
+            self._ended = -1.0
             return self.answer is not None
+        if not self.job.paths.result_pickle.exists():
+            self._miss(time.monotonic())
+            return False
         try:
             self.answer = self.job.result()
         except FailedJobError as error:  # it ran and could not even answer, as where the suite is not installed
             raise EngineError(f"a Slurm job failed: {error}") from error
-        except UncompletedJobError as error:
-            self._losses += 1
-            if self._losses > RETRIES:
-                raise EngineError(f"a piece of work was lost {self._losses} times: {error}") from error
-            say(f"Slurm job {self.job.job_id} was lost; it is submitted again ({self._losses} of {RETRIES})")
-            self.job = self._submit()
-        return self.answer is not None
+        return True
+
+    def _miss(self, now: float) -> None:
+        """Submit a job again that has ended without an answer for long enough."""
+        self._ended = now if self._ended < 0 else self._ended
+        if now - self._ended < LATE_SECONDS:
+            return
+        self._losses, self._ended = self._losses + 1, -1.0
+        if self._losses > RETRIES:
+            last = f"Slurm job {self.job.job_id} ({self.job.state}): {self.job.stderr()}"
+            raise EngineError(f"a piece of work was lost {self._losses} times, the last time as {last}")
+        say(f"Slurm job {self.job.job_id} was lost; it is submitted again ({self._losses} of {RETRIES})")
+        self.job = self._submit()
 
     def result(self) -> Any:
         """Wait for what the work returned or raised; raises EngineError if its time ran out."""

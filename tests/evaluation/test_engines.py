@@ -15,7 +15,7 @@ from joblib.externals.loky import get_reusable_executor
 
 from evaluation import engines
 from evaluation.engines import ENGINES, open_engine
-from evaluation.jobs import Work, run_jobs, run_recorded
+from evaluation.jobs import Context, Work, call, run_jobs, run_recorded
 from evaluation.records import read_records
 from evaluation.studies import eikonal_toy
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, UnknownNameError
@@ -78,8 +78,8 @@ def workers(request, chores, tmp_path, monkeypatch):
     if request.param == "ray":
         request.getfixturevalue("ray")
     elif request.param == "slurm":  # submitit's own stand-in for a cluster: processes of this machine
-        submitit = pytest.importorskip("submitit")
-        monkeypatch.setattr(submitit.Job, "_results_timeout_s", 1)  # how long a lost job's result may be late
+        pytest.importorskip("submitit")
+        monkeypatch.setattr(engines, "LATE_SECONDS", 1.0)
         options = {"cluster": "local", "folder": str(tmp_path / "slurm"), "timeout_min": 2}
     monkeypatch.setattr(engines, "RETRIES", 1)
     monkeypatch.setattr("evaluation.jobs.RETRIES", 1)
@@ -146,6 +146,24 @@ def test_a_job_that_runs_out_of_time_is_not_tried_again(workers, tmp_path):
     with workers() as jobs, pytest.raises(EngineError, match="timeout_min"):
         list(run_jobs("chores:chore", works(tmp_path, "run out of time", count=2), jobs))
     assert tries(tmp_path, 1) == 1
+
+
+@pytest.mark.parametrize("workers", ["slurm"], indirect=True)
+def test_a_lost_job_keeps_nobody_waiting(workers, tmp_path, monkeypatch):
+    with workers() as jobs:
+        work = works(tmp_path, "die")[1]
+        lost = jobs.submit(call, "chores:chore", dict(work.spec), work.seed, Context())
+        first = lost.job
+        first.wait()
+        with monkeypatch.context() as patch:
+            patch.setattr(time, "sleep", lambda seconds: pytest.fail("the watcher sleeps"))
+            assert not lost.done() and lost.job is first  # its answer may be late
+            now = time.monotonic() + engines.LATE_SECONDS
+            patch.setattr(time, "monotonic", lambda: now)
+            assert not lost.done() and lost.job is not first
+        with pytest.raises(EngineError, match="lost 2 times"):
+            lost.result()
+    assert tries(tmp_path, 1) == 2
 
 
 def test_a_study_does_not_depend_on_the_engine(ray, tmp_path):
