@@ -40,14 +40,15 @@ def many_rows(rows: int, steps: int) -> None:
 
 
 def other_plants(steps: int) -> None:
-    """Wrappers and keyword arguments say the same; `info["params"]` tells what is in force."""
+    """Wrappers and keyword arguments say the same; `get_params` tells what is in force."""
     slippery = FrictionMismatch(gym.make(ENV), friction=0.1)
     engine = gym.make(ENV, dynamics="mujoco", object="square")
     for env in (slippery, engine):
         env.reset(seed=0)
         for _ in range(steps):
             _, _, _, _, info = env.step(np.array([1.0, 0.0, 0.0, 0.0]))
-        shown = {name: info["params"][name] for name in ("dynamics", "object", "friction")}
+        params = env.unwrapped.get_params()
+        shown = {name: params[name] for name in ("dynamics", "object", "friction")}
         print(f"{shown}: the object is {info['goal_distance']:.3f} m from the goal")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -12,20 +12,32 @@ from gymnasium.vector import AutoresetMode
 
 from piec_envs.episodes.cage import CageBatch, CageConfig
 from piec_envs.episodes.info import row_info
-from piec_envs.errors import InvalidActionError, as_count, check_name
+from piec_envs.errors import (
+    InvalidActionError,
+    ResetNeededError,
+    as_count,
+    as_floats,
+    check_arguments,
+    check_name,
+)
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, NativeVectorEnv, take_row
+from piec_envs.native_vector import ENV_ARGUMENTS, RENDER_MODES, SEED_BOUND, NativeVectorEnv, take_row
 from piec_envs.rendering.renderer import Renderer
+from piec_envs.spec import PlainSpec
 
 
-def make_cage_config(robot: str, options: Mapping[str, Any]) -> CageConfig:
+def make_cage_config(robot: str, options: Mapping[str, Any], others: Iterable[str] = ()) -> CageConfig:
     """Validate keyword arguments.
 
+    Args:
+        robot: row of the table of robots.
+        options: the keyword arguments.
+        others: names of further keyword arguments of the environment, for the message.
+
     Raises:
-        UnknownNameError: for a keyword that does not exist.
+        UnknownArgumentError: for a keyword that does not exist.
     """
-    for name in options:
-        check_name("keyword argument", name, [*CageConfig.field_names(), "dtype", "render_mode", "renderer"])
+    check_arguments(options, [*others, *CageConfig.field_names(), *ENV_ARGUMENTS])
     return CageConfig(robot, **options)
 
 
@@ -64,7 +76,7 @@ class CageInterface:
         return self.batch.info()
 
 
-class CageEnv(gym.Env):
+class CageEnv(PlainSpec, gym.Env):
     """Base class of the single static caging environments; see the subclasses.
 
     Args:
@@ -79,6 +91,7 @@ class CageEnv(gym.Env):
         "render_modes": list(RENDER_MODES),
         "render_fps": 1,
     }
+    own_arguments: tuple[str, ...] = ()  # keyword arguments of a subclass, beside those of `CageConfig`
 
     def __init__(
         self,
@@ -89,11 +102,12 @@ class CageEnv(gym.Env):
         renderer: str = "drawing",
         **options: Any,
     ):
-        self._batch = CageBatch(make_cage_config(robot, options), rows=1)
+        self._batch = CageBatch(make_cage_config(robot, options, self.own_arguments), rows=1)
         self._interface = CageInterface(self._batch, dtype, render_mode)
         self.render_mode, self._renderer = render_mode, Renderer(renderer)
         self.observation_space = self._interface.observation_space
         self.action_space = self._interface.action_space
+        self._begun = False
 
     @property
     def config(self) -> CageConfig:
@@ -109,19 +123,23 @@ class CageEnv(gym.Env):
         """Begin an episode; see the class for the options."""
         super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
         self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
+        self._begun = True
         return take_row(self._interface.observe()), row_info(self._interface.info())
 
     def step(self, action: np.ndarray):
         """Take a posture, which ends the episode."""
+        self._check_begun("step")
         if self._batch.done[0]:
             raise InvalidActionError("the episode ended with its first step: call reset")
-        self._batch.step(np.asarray(action, dtype=float)[None])
+        action = as_floats("the action", action, (self._batch.robot.dof,), InvalidActionError)
+        self._batch.step(action[None])
         observation = self._interface.observe()
         reward = float(self._interface.reward(observation)[0])
         return take_row(observation), reward, True, False, row_info(self._interface.info())
 
     def render(self) -> np.ndarray | None:
         """Draw the posture and its field, shape (height, width, 3), uint8; None without a render mode."""
+        self._check_begun("render")
         if self.render_mode is None:
             return None
         return self._renderer.posture(self._batch, 0)
@@ -129,6 +147,10 @@ class CageEnv(gym.Env):
     def close(self) -> None:
         """Free what frames were drawn with."""
         self._renderer.close()
+
+    def _check_begun(self, call: str) -> None:
+        if not self._begun:
+            raise ResetNeededError(f"{call} needs an episode, and none has begun: call reset first")
 
 
 class PlanarArmCageEnv(CageEnv):
@@ -171,13 +193,15 @@ class CageVectorEnv(NativeVectorEnv):
     Args:
         robot: row of the table of robots.
         num_envs: B.
-        max_episode_steps: steps after which a row is truncated; None leaves ends to the task.
+        max_episode_steps: steps after which a row is truncated; None and -1 leave ends to the task.
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
         renderer: "drawing" or "mujoco".
         options: the arguments of `CageConfig` but the robot.
     """
+
+    own_arguments: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -192,10 +216,10 @@ class CageVectorEnv(NativeVectorEnv):
         **options: Any,
     ):
         rows = as_count("num_envs", num_envs)
-        steps = None if max_episode_steps is None else as_count("max_episode_steps", max_episode_steps)
-        self._batch, self._renderer = CageBatch(make_cage_config(robot, options), rows), Renderer(renderer)
+        self._batch = CageBatch(make_cage_config(robot, options, self.own_arguments), rows)
+        self._renderer = Renderer(renderer)
         interface = CageInterface(self._batch, dtype, render_mode)
-        super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
+        super().__init__(self._batch, interface, rows, max_episode_steps, autoreset_mode, render_mode)
 
     @property
     def batch(self) -> CageBatch:
@@ -204,6 +228,7 @@ class CageVectorEnv(NativeVectorEnv):
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """One frame for each row; None without a render mode."""
+        self._check_begun("render")
         if self.render_mode is None:
             return None
         return tuple(self._renderer.posture(self._batch, row) for row in range(self.num_envs))

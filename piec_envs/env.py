@@ -8,17 +8,23 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 
 from piec_envs.episodes.batch import EpisodeBatch, Rollout
 from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.info import batch_info, row_info
-from piec_envs.episodes.observation import POSITION_BOUND, observation_bound, observation_layout
+from piec_envs.episodes.info import batch_params, row_info
 from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import GOAL_RADIUS, REWARD_SCALE
-from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, check_name
-from piec_envs.native_vector import RENDER_MODES, SEED_BOUND, take_row
+from piec_envs.errors import (
+    InvalidActionError,
+    InvalidStateError,
+    ResetNeededError,
+    as_count,
+    as_floats,
+    check_arguments,
+)
+from piec_envs.interface import Interface, rollout
+from piec_envs.native_vector import ENV_ARGUMENTS, RENDER_MODES, SEED_BOUND, take_row
 from piec_envs.rendering.renderer import Renderer
+from piec_envs.spec import PlainSpec
 
 Configure = Callable[[Mapping[str, Any]], EnvConfig]  # from an environment's keyword arguments
 
@@ -33,10 +39,9 @@ def make_config(task: str, options: Mapping[str, Any], robot: str = "auto", othe
         others: names of further keyword arguments of the environment, for the message.
 
     Raises:
-        UnknownNameError: for a keyword that does not exist.
+        UnknownArgumentError: for a keyword that does not exist.
     """
-    for name in options:
-        check_name("keyword argument", name, [*others, *EnvConfig.field_names(), "dtype", "render_mode", "renderer"])
+    check_arguments(options, [*others, *EnvConfig.field_names(), *ENV_ARGUMENTS])
     return EnvConfig(task, robot=robot, **options)
 
 
@@ -44,82 +49,7 @@ planar_arm_push: Configure = partial(make_config, "planar_arm_push")
 planar_arm_track: Configure = partial(make_config, "planar_arm_track")
 
 
-class Interface:
-    """Spaces, observations and rewards, shared by the single env and the VectorEnv.
-
-    Args:
-        batch: the episodes.
-        dtype: "float64" or "float32", of the observations.
-        render_mode: None or "rgb_array".
-    """
-
-    def __init__(self, batch: EpisodeBatch, dtype: str, render_mode: str | None):
-        check_name("dtype", dtype, ("float64", "float32"))
-        check_name("render_mode", render_mode, (None, *RENDER_MODES))
-        self.batch = batch
-        self.dtype = np.dtype(dtype)
-        self.mode = batch.config.goal_conditioned
-        self.layout = observation_layout(batch.robot, batch.tracking)
-        bound = observation_bound(batch.robot, batch.tracking).astype(self.dtype)
-        self.observation_space: spaces.Space = spaces.Box(-bound, bound, dtype=self.dtype)
-        if self.mode:
-            where = np.full(2, POSITION_BOUND, dtype=self.dtype)
-            goal = spaces.Box(-where, where, dtype=self.dtype)
-            self.observation_space = spaces.Dict(
-                observation=self.observation_space, achieved_goal=goal, desired_goal=goal
-            )
-        self.action_space = spaces.Box(-1.0, 1.0, (batch.robot.dof,), dtype=np.dtype("float64"))
-
-    def observe(self) -> Any:
-        """Observations of all rows, as an array or a dict of arrays."""
-        flat = self.batch.observe().astype(self.dtype, copy=False)
-        if not self.mode:
-            return flat
-        place = self.batch.state.pose[:, :2].clip(-POSITION_BOUND, POSITION_BOUND)
-        achieved = place.astype(self.dtype)
-        desired = np.repeat(self.batch.task.goal[None].astype(self.dtype), len(flat), axis=0)
-        return {"observation": flat, "achieved_goal": achieved, "desired_goal": desired}
-
-    def reward(self, observation: Any) -> np.ndarray:
-        """Rewards of all rows for the step that led to `observation`, shape (B,)."""
-        if self.mode:
-            return self.compute_reward(observation["achieved_goal"], observation["desired_goal"])
-        return -REWARD_SCALE * self.batch.stage_cost
-
-    def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """No episode ends by itself; one whose simulation has diverged is cut short, shape (B,) each.
-
-        Whoever counts steps would count actions, so that one with repeated actions ends here.
-        """
-        state, cut = self.batch.state, self.batch.state.diverged.copy()
-        if self.batch.config.action_repeat > 1:
-            cut |= state.step >= self.batch.task.horizon
-        return np.zeros(state.rows, dtype=bool), cut
-
-    def info(self) -> dict:
-        """Info of all rows at present."""
-        return batch_info(self.batch)
-
-    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any = None) -> Any:
-        """Reward of reaching `achieved_goal` (..., 2) when `desired_goal` (..., 2) was asked for."""
-        offset = np.asarray(achieved_goal, dtype=float) - np.asarray(desired_goal, dtype=float)
-        square = offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]
-        if self.mode == "dense":
-            reward = -REWARD_SCALE * self.batch.weights.task * square
-        else:
-            reward = -(np.sqrt(square) > GOAL_RADIUS).astype(float)
-        return float(reward) if np.ndim(reward) == 0 else reward
-
-
-def rollout(batch: EpisodeBatch, state: State, path: np.ndarray | None, controls: np.ndarray | None) -> Rollout:
-    """Roll out joint paths or controls; see `MotionEnv.rollout`."""
-    values = path if controls is None else controls
-    if values is None or (path is not None and controls is not None):
-        raise InvalidParameterError("rollout takes either path or controls")
-    return batch.rollout(state, values, absolute=controls is None)
-
-
-class MotionEnv(gym.Env):
+class MotionEnv(PlainSpec, gym.Env):
     """Base class of the single environments of motion; see the subclasses.
 
     If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`: the reward of one
@@ -155,6 +85,12 @@ class MotionEnv(gym.Env):
         if self._interface.mode:  # others have no such attribute, by which HER would take them for goal-conditioned
             self.compute_reward = self._interface.compute_reward
         self._trail: list[np.ndarray] = []
+        self._begun = False
+
+    @property
+    def episode_actions(self) -> int:
+        """Actions of a whole episode."""
+        return self._interface.episode_actions
 
     @property
     def config(self) -> EnvConfig:
@@ -178,8 +114,10 @@ class MotionEnv(gym.Env):
         return self._begin()
 
     def step(self, action: np.ndarray):
-        """Advance by one control step of 0.1 s."""
-        self._batch.step(np.asarray(action, dtype=float)[None])
+        """Advance by one action, of one control step of 0.1 s or of `action_repeat`."""
+        self._check_begun("step")
+        action = as_floats("the action", action, (self._batch.robot.dof,), InvalidActionError)
+        self._batch.step(action[None])
         observation = self._interface.observe()
         reward = float(self._interface.reward(observation)[0])
         if self.render_mode:
@@ -191,8 +129,14 @@ class MotionEnv(gym.Env):
         """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
         self._batch.set_params(params)
 
+    def get_params(self) -> dict[str, Any]:
+        """The plant parameters in force in this episode, and "start", the object's pose at its start, shape (3,)."""
+        self._check_begun("get_params")
+        return row_info(batch_params(self._batch))
+
     def get_state(self) -> State:
         """Everything that decides how this episode goes on."""
+        self._check_begun("get_state")
         return self._batch.state.copy()
 
     def set_state(self, state: State) -> tuple[Any, dict]:
@@ -224,6 +168,7 @@ class MotionEnv(gym.Env):
 
     def render(self) -> np.ndarray | None:
         """Draw the present state, shape (height, width, 3), uint8; None without a render mode."""
+        self._check_begun("render")
         if self.render_mode is None:
             return None
         return self._renderer.frame(self._batch, 0, np.array(self._trail))
@@ -232,7 +177,12 @@ class MotionEnv(gym.Env):
         """Free what frames were drawn with."""
         self._renderer.close()
 
+    def _check_begun(self, call: str) -> None:
+        if not self._begun:
+            raise ResetNeededError(f"{call} needs an episode, and none has begun: call reset or set_state first")
+
     def _begin(self) -> tuple[Any, dict]:
+        self._begun = True
         self._trail = [self._batch.state.pose[0, :2].copy()]
         return take_row(self._interface.observe()), row_info(self._interface.info())
 
@@ -257,11 +207,13 @@ class PlanarArmPushEnv(MotionEnv):
 
     **End.** Never terminated; truncated after 1000 steps, or when the simulation has become unstable
     (info["diverged"]; the last good state stays). An episode succeeds if d2g = 0 at its last
-    step: the object's centre is within 0.05 m of the goal (-0.3, 0.4).
+    step: the object's centre is within 0.05 m of the goal (-0.3, 0.4). No `max_episode_steps` makes it
+    longer; one below 1000 (over `action_repeat`) cuts it short, before w_miss d2g is due.
 
-    **Info.** is_success, goal_distance, d2g, link_distance, contact_links, min_distance,
-    mean_distance, penetration, cost_task, cost_command, cost_prior, diverged, params; and, unless
-    `escape_field=None`, escape_time (s) and caging (0.02 of it).
+    **Info.** Numbers: is_success, goal_distance, d2g, link_distance, contact_links, min_distance,
+    mean_distance, penetration, cost_task, cost_command, cost_prior, diverged; and, unless
+    `escape_field=None`, escape_time (s) and caging (0.02 of it). What stays the same through an episode,
+    the plant parameters in force and where the object started, is told by `get_params()`.
 
     **Arguments.** Those of `EnvConfig`, `dtype` ("float64" or "float32"), `render_mode` (None or
     "rgb_array") and `renderer` ("drawing", or "mujoco" for frames in space; see docs/rendering.md).
@@ -286,7 +238,7 @@ class PlanarArmTrackEnv(MotionEnv):
     **Task.** The reference leaves (0.55, 0.25), reaches (-0.3, 0.4) after 900 steps at constant
     angular speed around the base, and rests there.
 
-    **End.** Truncated after 1000 steps. Success: d2g = 0 at the last step and a mean tracking error
+    **End.** As in `PlanarArmPushEnv`. Success: d2g = 0 at the last step and a mean tracking error
     of at most 0.03 m over the episode.
 
     **Info.** Also tracking_error and mean_tracking_error, m.

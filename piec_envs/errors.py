@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 
 from piec_envs.versions import install_command
 
@@ -24,7 +25,7 @@ class UnknownNameError(PiecError, ValueError):
     """
 
     def __init__(self, kind: str, name: object, known: Iterable[object]):
-        self._given = (kind, name, tuple(known))
+        self._given: tuple = (kind, name, tuple(known))
         names = sorted(map(str, self._given[2]))
         close = closest(name, names)
         hint = f" Did you mean {close!r}?" if close is not None else ""
@@ -66,6 +67,41 @@ def check_name(kind: str, name: object, known: Iterable[object]) -> None:
         raise UnknownNameError(kind, name, known)
 
 
+class UnknownArgumentError(UnknownNameError, TypeError):
+    """A keyword argument that does not exist, said as Python itself says it; the message lists the valid ones.
+
+    Args:
+        name: the name given, or, without `known`, the whole message: Gymnasium makes the error again of its text.
+        known: the valid names.
+    """
+
+    def __init__(self, name: str, known: Iterable[str] | None = None):
+        super().__init__("keyword argument", name, () if known is None else known)
+        if known is None:
+            self._given = (name,)
+            self.args = (name,)
+        else:
+            self._given = (name, self._given[2])
+            detail = str(self).partition("; ")[2]
+            self.args = (f"got an unexpected keyword argument {name!r}; {detail}",)
+
+
+def check_arguments(given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse keyword arguments that do not exist.
+
+    Args:
+        given: their names.
+        known: the valid names.
+
+    Raises:
+        UnknownArgumentError: for the first that is not among them.
+    """
+    known = tuple(known)
+    for name in given:
+        if name not in known:
+            raise UnknownArgumentError(name, known)
+
+
 class InvalidShapeError(PiecError, ValueError):
     """A polygon that is not convex, not counter-clockwise, or has a negative radius."""
 
@@ -80,6 +116,10 @@ class InvalidObservationError(InvalidActionError):
 
 class InvalidStateError(PiecError, ValueError):
     """A state of the wrong shape, not finite, outside its limits, or in penetration."""
+
+
+class ResetNeededError(PiecError, ResetNeeded):
+    """An episode that has not begun was to be stepped, drawn or saved; Gymnasium's `ResetNeeded` too."""
 
 
 class InvalidParameterError(PiecError, ValueError):

@@ -26,7 +26,7 @@ def configure(base: str, task: str, options: Mapping[str, Any], *others: str) ->
         others: names of keyword arguments that have been taken from `options`.
 
     Raises:
-        UnknownNameError: for a keyword that does not exist.
+        UnknownArgumentError: for a keyword that does not exist.
     """
     rest = dict(options)
     contact, geometry = rest.pop("contact", "whole_arm"), rest.pop("geometry", "meshes")
@@ -84,6 +84,8 @@ class FrankaCageEnv(CageEnv):
     **Version history.** v0: first version.
     """
 
+    own_arguments = ("geometry",)
+
     def __init__(self, geometry: str = "meshes", object: str = OBJECT, **options: Any):
         super().__init__(franka_name("fixed", "whole_arm", geometry), object=object, **options)
 
@@ -97,6 +99,8 @@ class FrankaCageVectorEnv(CageVectorEnv):
         object: row of the table of objects.
         options: the other arguments of `CageVectorEnv`.
     """
+
+    own_arguments = ("geometry",)
 
     def __init__(self, num_envs: int = 1, geometry: str = "meshes", object: str = OBJECT, **options: Any):
         super().__init__(franka_name("fixed", "whole_arm", geometry), num_envs, object=object, **options)
@@ -149,7 +153,7 @@ class MobileFrankaTrackEnv(MotionEnv):
     **Task.** The reference is an arc of 120 degrees between start and goal to the right of the straight line
     (towards +x) or, with `reference="left"`, to its left; it ends after 900 steps at constant speed.
 
-    **End.** Truncated after 1000 steps. Success: d2g = 0 at the last step and a mean tracking error of at
+    **End.** As in `MobileFrankaPushEnv`. Success: d2g = 0 at the last step and a mean tracking error of at
     most 0.03 m over the episode.
 
     **Info.** Also tracking_error and mean_tracking_error, m.

@@ -11,10 +11,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from piec_envs.episodes.info import with_masks
-from piec_envs.errors import InvalidActionError, InvalidParameterError, as_count, check_name
+from piec_envs.errors import InvalidActionError, InvalidParameterError, ResetNeededError, as_count, check_name
+from piec_envs.spec import PlainSpec
 
 SEED_BOUND = 2**63 - 1  # of the episode seeds drawn from a generator
 RENDER_MODES = ("rgb_array",)
+ENV_ARGUMENTS = ("dtype", "render_mode", "renderer")  # keyword arguments of every environment
+NO_LIMIT = -1  # as Gymnasium writes it
 
 
 class Episodes(Protocol):
@@ -59,14 +62,29 @@ def take_row(observation: Any, row: int = 0) -> Any:
     return observation[row].copy()
 
 
-class NativeVectorEnv(VectorEnv):
+def _limit(max_episode_steps: int | None) -> float:
+    """Steps after which a row is truncated, infinite for none."""
+    if max_episode_steps is None or max_episode_steps == NO_LIMIT:
+        return np.inf
+    return as_count("max_episode_steps (None and -1 set no limit)", max_episode_steps)
+
+
+def _own_generator(seed: Any) -> tuple[np.random.Generator, int]:
+    """What the VectorEnv itself may draw from, and its seed: -1, as Gymnasium has it, where it is not one number."""
+    if np.ndim(seed) == 0:
+        return seeding.np_random(int(seed))
+    given = [int(entry) for entry in seed if entry is not None]
+    return np.random.default_rng(given or None), -1
+
+
+class NativeVectorEnv(PlainSpec, VectorEnv):
     """Base class of the VectorEnvs; for a whole-number seed, row i is bit-equal to the single env with seed + i.
 
     Args:
         episodes: the batch that does the work.
         interface: what it shows.
         num_envs: B.
-        max_episode_steps: steps after which a row is truncated; None never does.
+        max_episode_steps: steps after which a row is truncated; None and -1 leave that to the episodes.
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
         render_mode: None or "rgb_array".
     """
@@ -88,7 +106,7 @@ class NativeVectorEnv(VectorEnv):
     ):
         super().__init__()
         self.num_envs = num_envs
-        self.max_episode_steps = np.inf if max_episode_steps is None else max_episode_steps
+        self.max_episode_steps = _limit(max_episode_steps)
         check_name("autoreset_mode", autoreset_mode, (*AutoresetMode, *(mode.value for mode in AutoresetMode)))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
@@ -100,6 +118,7 @@ class NativeVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._elapsed = np.zeros(num_envs, dtype=np.int64)
+        self._begun = np.zeros(num_envs, dtype=bool)
         self._ended = np.zeros(num_envs, dtype=bool)
 
     def reset(
@@ -111,13 +130,16 @@ class NativeVectorEnv(VectorEnv):
         rows = np.flatnonzero(mask)
         seeds = self._seeds(seed)
         for row in rows:
-            if seeds[row] is not None or self._generators[row] is None:
+            if seeds[row] is not None:
                 self._generators[row] = seeding.np_random(seeds[row])[0]
         self._begin(rows, options)
+        if seed is not None:
+            self._np_random, self._np_random_seed = _own_generator(seed)
         return self._interface.observe(), with_masks(self._interface.info(), mask)
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Advance all rows by one step; ended rows begin anew as the autoreset mode says."""
+        self._check_begun("step")
         if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
             rows = np.flatnonzero(self._ended).tolist()
             raise InvalidActionError(f"rows {rows} have ended: reset them with options={{'reset_mask': ...}}")
@@ -144,10 +166,25 @@ class NativeVectorEnv(VectorEnv):
 
     def _begin(self, rows: np.ndarray, options: dict[str, Any]) -> None:
         """Begin new episodes in some rows."""
-        seeds = [int(self._generators[row].integers(SEED_BOUND)) for row in rows]
+        seeds = [int(self._generator(row).integers(SEED_BOUND)) for row in rows]
         self._episodes.reset(rows, seeds, options)
+        self._begun[rows] = True
         self._elapsed[rows] = 0
         self._ended[rows] = False
+
+    def _generator(self, row: int) -> np.random.Generator:
+        """Where the seeds of a row's episodes come from; without a seed of its own, it is drawn from the system."""
+        generator = self._generators[row]
+        if generator is None:
+            generator = self._generators[row] = seeding.np_random()[0]
+        return generator
+
+    def _check_begun(self, call: str) -> None:
+        if not self._begun.all():
+            rows = np.flatnonzero(~self._begun).tolist()
+            raise ResetNeededError(
+                f"{call} needs an episode in every row, and none has begun in rows {rows}: reset them first"
+            )
 
     def _final(self, observation: Any, ended: np.ndarray) -> dict:
         """Last observation and info of the rows that begin anew within this step."""

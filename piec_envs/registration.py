@@ -91,7 +91,11 @@ def check_motion(env_id: Any) -> None:
 
 
 def register_envs() -> None:
-    """Register every row of the table; rows that are registered already stay as they are."""
+    """Register every row of the table; rows that are registered already stay as they are.
+
+    Gymnasium's own limit on the steps is not set: what an environment truncates at, its horizon over `action_repeat`,
+    only the environment knows, and writes it into its spec.
+    """
     for env_id, entry in ENVS.items():
         if env_id not in gym.registry:
-            gym.register(env_id, **entry._asdict())
+            gym.register(env_id, entry.entry_point, vector_entry_point=entry.vector_entry_point)

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from piec_envs.env import Configure, Interface, planar_arm_push, planar_arm_track, rollout
+from piec_envs.env import Configure, planar_arm_push, planar_arm_track
 from piec_envs.episodes.batch import EpisodeBatch, Rollout
-from piec_envs.episodes.info import with_masks
+from piec_envs.episodes.info import batch_params, with_masks
 from piec_envs.episodes.state import State
 from piec_envs.errors import InvalidStateError, as_count
+from piec_envs.interface import Interface, rollout
 from piec_envs.native_vector import NativeVectorEnv
 from piec_envs.rendering.renderer import Renderer
 
@@ -25,7 +26,8 @@ class MotionVectorEnv(NativeVectorEnv):
     Args:
         configure: makes the configuration of the other arguments.
         num_envs: B.
-        max_episode_steps: steps after which a row is truncated.
+        max_episode_steps: actions after which a row is cut short; None and -1 leave it to the horizon, after which
+            it is truncated whatever this is.
         autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's `AutoresetMode`.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
@@ -38,20 +40,26 @@ class MotionVectorEnv(NativeVectorEnv):
         configure: Configure,
         /,
         num_envs: int = 1,
-        max_episode_steps: int = 1000,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         dtype: str = "float64",
         render_mode: str | None = None,
         renderer: str = "drawing",
         **options: Any,
     ):
-        rows, steps = as_count("num_envs", num_envs), as_count("max_episode_steps", max_episode_steps)
+        rows = as_count("num_envs", num_envs)
         self._batch = EpisodeBatch(configure(options), rows)
         self._renderer = Renderer(renderer)
         interface = Interface(self._batch, dtype, render_mode)
-        super().__init__(self._batch, interface, rows, steps, autoreset_mode, render_mode)
+        self._episode_actions = interface.episode_actions
+        super().__init__(self._batch, interface, rows, max_episode_steps, autoreset_mode, render_mode)
         if interface.mode:
             self.compute_reward = interface.compute_reward
+
+    @property
+    def episode_actions(self) -> int:
+        """Actions of a whole episode."""
+        return self._episode_actions
 
     @property
     def batch(self) -> EpisodeBatch:
@@ -62,8 +70,14 @@ class MotionVectorEnv(NativeVectorEnv):
         """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
         self._batch.set_params(params)
 
+    def get_params(self) -> dict[str, np.ndarray]:
+        """The plant parameters in force in the rows, and "start", the object's pose at their start, shape (B, 3)."""
+        self._check_begun("get_params")
+        return batch_params(self._batch)
+
     def get_state(self) -> State:
         """Everything that decides how the rows go on."""
+        self._check_begun("get_state")
         return self._batch.state.copy()
 
     def set_state(self, state: State) -> tuple[Any, dict]:
@@ -71,6 +85,7 @@ class MotionVectorEnv(NativeVectorEnv):
         if not isinstance(state, State):
             raise InvalidStateError(f"set_state takes a State, got {state!r}")
         self._batch.restore(state)
+        self._begun[:] = True
         self._elapsed = state.step // self._batch.config.action_repeat
         self._ended = self._interface.ends()[1] | (self._elapsed >= self.max_episode_steps)
         return self._interface.observe(), with_masks(self._interface.info(), np.ones(self.num_envs, dtype=bool))
@@ -81,6 +96,7 @@ class MotionVectorEnv(NativeVectorEnv):
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """One frame for each row; None without a render mode."""
+        self._check_begun("render")
         if self.render_mode is None:
             return None
         return tuple(self._renderer.frame(self._batch, row) for row in range(self.num_envs))

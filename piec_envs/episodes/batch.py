@@ -85,7 +85,7 @@ class EpisodeBatch:
         options = self._start.check_options(options)
         given = options.get("state")
         if isinstance(given, State):
-            given.check(given.rows if given.rows == 1 else self.state.rows, self.robot.dof)
+            given.check(given.rows if given.rows == 1 else self.state.rows, self.robot)
         fresh = [self._fresh(row, seed, options) for row, seed in zip(rows, seeds, strict=True)]
         for row, state in zip(rows, fresh, strict=True):  # nothing is written until all rows are known to be good
             self._write(row, state)
@@ -121,7 +121,7 @@ class EpisodeBatch:
             InvalidStateError: if its arrays do not fit this batch.
             InvalidParameterError: if its object flees and there is no escape field.
         """
-        state.check(self.state.rows, self.robot.dof)
+        state.check(self.state.rows, self.robot)
         for params in state.params:
             self._checked(params)
         self.state = state.copy()
@@ -207,7 +207,7 @@ class EpisodeBatch:
         values = as_floats("controls or path", values, np.shape(values), InvalidActionError)
         if not isinstance(state, State):
             raise InvalidStateError(f"rollout starts from a State, got {state!r}")
-        state.check(state.rows, self.robot.dof)
+        state.check(state.rows, self.robot)
         if (
             values.ndim != 3
             or state.rows not in (1, len(values))

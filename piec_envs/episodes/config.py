@@ -12,16 +12,18 @@ import numpy as np
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
 from piec_envs.dynamics.table import DynamicsOptions
+from piec_envs.episodes.plain import plain
+from piec_envs.episodes.reach import goal_ring
 from piec_envs.episodes.start_postures import checked_start, start_posture
 from piec_envs.episodes.state import PlantParams, check_randomize
-from piec_envs.episodes.tasks import PAPER_PRESETS, PRESETS, PRIORS, CostWeights, Task, get_task
+from piec_envs.episodes.tasks import PAPER_PRESETS, PRESETS, PRIORS, CostWeights, Task, check_weight, get_task
 from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import EscapeField, choose_field, resolve_field
 from piec_envs.world.objects import get_object
-from piec_envs.world.robots import get_robot
 
 DEFAULT_ESCAPE_EVERY = {"grid": 10}  # a learned field is refreshed at every step
 NOISE_ENTRIES = ("qp", "state")
+START_NOISE_BOUND = (1.0, np.pi)  # m, rad
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class EnvConfig:
         disturbance: sigma of the object's random displacement in each step, m.
         disturbance_kind: "gaussian" (for each axis) or "direction" (length sigma).
         adversary: speed of an object that flees, as a fraction of the escape field's u_bar.
-        mass: the object's, as a factor of its nominal one; the quasi-dynamic model knows none.
+        mass: the object's, as a factor of its nominal one, under MuJoCo alone.
         delay: from a command to the drives, s, under MuJoCo alone.
         inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042, stiff) or
             "own", as an even solid of its shape.
@@ -47,10 +49,10 @@ class EnvConfig:
             (`piec_envs.escape.field.resolve_field`); None computes none.
         escape_every: steps between two refreshes of the escape time; None takes the field's default.
         prior: "caging", "contact", "proximity" or None; "auto" is caging where a field is computed.
-        goal: centre of the goal region, (x, y) in m; None takes the task's.
+        goal: centre of the goal region, (x, y) in m, where the arm can bring the object; None takes the task's.
         goal_conditioned: False, or True (sparse reward) or "dense", for dictionary observations.
         action_repeat: control steps of 0.1 s that one action lasts; their rewards add up, or the last counts
-            if `goal_conditioned`. Above 1 the environment itself truncates at the task's horizon.
+            if `goal_conditioned`.
         preset: weights of the stage cost and settings of the contact model: "default"; "paper", the paper's
             to the letter; or "paper-miss", those with the default's weight on a miss of the goal region.
         weights: changes to the preset's weights.
@@ -93,6 +95,8 @@ class EnvConfig:
     robot: str = "auto"
 
     def __post_init__(self):
+        for item in dataclasses.fields(self):  # NumPy's numbers and arrays are taken as what they stand for
+            object.__setattr__(self, item.name, plain(getattr(self, item.name)))
         task = get_task(self.task)
         for name, own in (("robot", task.robot), ("object", task.object)):
             if getattr(self, name) == "auto":
@@ -111,8 +115,11 @@ class EnvConfig:
         ):
             check_name(argument, value, known)
         noise = as_floats("start_noise (m, rad)", self.start_noise, (2,), InvalidParameterError)
-        if (noise < 0).any():
-            raise InvalidParameterError(f"start_noise must be at least 0, got {self.start_noise!r}")
+        if (noise < 0).any() or (noise > START_NOISE_BOUND).any():
+            raise InvalidParameterError(
+                f"start_noise must be at least 0 and at most {START_NOISE_BOUND[0]:g} m and pi rad, "
+                f"got {self.start_noise!r}"
+            )
         # As JSON would bring them back, so that a round trip gives an equal config.
         object.__setattr__(self, "start_noise", tuple(noise.tolist()))
         if self.goal is not None:
@@ -126,12 +133,13 @@ class EnvConfig:
         self._check_field()
 
     def _checked_goal(self) -> tuple[float, ...]:
-        robot = get_robot(self.robot)
-        roam = robot.joint_array("upper")[: robot.base_dof].min(initial=np.inf)
-        reach = robot.workspace_radius if np.isinf(roam) else float(roam)
-        goal = as_floats(f"goal, (x, y) within {reach} m of the origin,", self.goal, (2,), InvalidParameterError)
-        if np.linalg.norm(goal) > reach:
-            raise InvalidParameterError(f"goal must be (x, y) within {reach} m of the origin, got {self.goal!r}")
+        least, most = goal_ring(self.robot, self.object)
+        bounds = f"within {most:g} m of the origin" + (f" and at least {least:.3g} m from it" if least > 0 else "")
+        goal = as_floats(f"goal, (x, y) {bounds},", self.goal, (2,), InvalidParameterError)
+        if not least <= np.linalg.norm(goal) <= most:
+            raise InvalidParameterError(
+                f"goal must be (x, y) {bounds}, where {self.robot!r} can bring {self.object!r}, got {self.goal!r}"
+            )
         return tuple(goal.tolist())
 
     def _check_field(self) -> None:
@@ -170,8 +178,7 @@ class EnvConfig:
             raise InvalidParameterError(f"weights must map names to numbers, got {self.weights!r}")
         for name, value in (self.weights or {}).items():
             check_name("weight", name, CostWeights._fields)
-            if name != "shortest" and not (isinstance(value, int | float) and value >= 0):
-                raise InvalidParameterError(f"weights[{name!r}] must be a number of at least 0, got {value!r}")
+            check_weight(name, value)
         kinds = base._asdict()  # the kernels want floats where the preset has floats
         return base._replace(**{name: type(kinds[name])(value) for name, value in (self.weights or {}).items()})
 

@@ -1,6 +1,12 @@
-"""The `info` of a batch: the same keys at reset and at every step, fresh arrays each time."""
+"""The `info` of a batch: numbers alone, the same keys at reset and at every step, fresh arrays each time.
+
+What stays the same through an episode, names among it, is told on request: `batch_params`.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +25,7 @@ def batch_info(batch: EpisodeBatch) -> dict:
         batch: the episodes.
 
     Returns:
-        Arrays with one entry for each row; "params" is a dict of such arrays.
+        Arrays of numbers or truth values, with one entry for each row.
     """
     measures = batch.measures.copy()
     info: dict = {name: measures[:, i] for name, i in _REPORTED}
@@ -34,20 +40,31 @@ def batch_info(batch: EpisodeBatch) -> dict:
     if batch.field is not None:
         info["escape_time"] = batch.state.escape_time.copy()
         info["caging"] = CAGING_SCALE * batch.state.escape_time
-    info["params"] = {name: values.copy() for name, values in batch.params_info.items()}
-    info["params"]["start"] = batch.state.start.copy()
     return info
 
 
-def row_info(info: dict) -> dict:
-    """The info of the only row of a batch of one, with plain Python scalars."""
-    return {
-        name: row_info(value) if type(value) is dict else value.item() if value.ndim == 1 else value[0]
-        for name, value in info.items()
-    }
+def batch_params(batch: EpisodeBatch) -> dict[str, np.ndarray]:
+    """The plant parameters in force in the running episodes, and where their objects started.
+
+    Args:
+        batch: the episodes.
+
+    Returns:
+        The fields of `PlantParams`, one entry for each row, and "start", the object's pose, shape (B, 3), m and rad.
+    """
+    return {name: values.copy() for name, values in batch.params_info.items()} | {"start": batch.state.start.copy()}
 
 
-def with_masks(info: dict, rows: np.ndarray) -> dict:
+def row_info(info: Mapping[str, np.ndarray], row: int = 0) -> dict[str, Any]:
+    """The info of one row: NumPy's numbers and arrays, the only ones that all of Gymnasium's converters take.
+
+    A truth value is an array without axes, since a NumPy bool counts neither as a number nor as an array.
+    """
+    entries = {name: value[row] for name, value in info.items()}
+    return {name: np.array(entry) if isinstance(entry, np.bool_) else entry for name, entry in entries.items()}
+
+
+def with_masks(info: Mapping[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
     """The info of a VectorEnv as Gymnasium lays it out.
 
     Args:
@@ -57,15 +74,12 @@ def with_masks(info: dict, rows: np.ndarray) -> dict:
     Returns:
         The arrays, blank in the other rows, each beside its mask under the key with a leading "_".
     """
-    masked: dict = {}
+    masked: dict[str, np.ndarray] = {}
     whole = bool(rows.all())
     for name, value in info.items():
-        if isinstance(value, dict):
-            masked[name] = with_masks(value, rows)
-        elif whole:
-            masked[name] = value
-        else:
-            masked[name] = np.full_like(value, None if value.dtype == object else 0)
+        masked[name] = value
+        if not whole:
+            masked[name] = np.zeros_like(value)
             masked[name][rows] = value[rows]
         masked[f"_{name}"] = rows.copy()
     return masked

@@ -91,11 +91,12 @@ class CagingProblem:
         robot = get_robot(self.robot)
         if robot.joints[0].axis[2] == 0:
             return
-        far = float(np.hypot(self.key_points[..., 0], self.key_points[..., 1]).max())
-        if far >= robot.workspace_radius:
+        far = np.hypot(self.key_points[..., 0], self.key_points[..., 1]).max(axis=-1)  # () or (B,)
+        if far.max() >= robot.workspace_radius:
+            pose = np.atleast_2d(self.pose)[int(far.argmax())].tolist()
             raise InvalidParameterError(
                 f"all key points of {self.object!r} must lie inside the workspace disc, less than "
-                f"{robot.workspace_radius} m from the base; at pose {self.pose.tolist()} one is {far:.3f} m away"
+                f"{robot.workspace_radius} m from the base; at pose {pose} one is {far.max():.3f} m away"
             )
 
     # --- what follows from the arguments -------------------------------------------------------

@@ -95,6 +95,8 @@ class StartSampler:
     def _check_step(self, step: float) -> None:
         if step < 0 or step != int(step):
             raise InvalidStateError(f"state field 'step' must be a whole number of at least 0, got {step}")
+        if step >= self.task.horizon:
+            raise InvalidStateError(f"state field 'step' must be below {self.task.horizon}, the end, got {step:g}")
         if step > 0 and len(self.task.reference) > 0:
             raise InvalidStateError(
                 "a tracking episode cannot begin at a later step, since its errors so far are not known; "
@@ -102,6 +104,7 @@ class StartSampler:
             )
 
     def _check(self, state: State) -> None:
+        state.check(1, self.robot)
         lead = self.robot.joint_array("max_lead")
         for name in ("q_r", "q_cmd"):
             value = getattr(state, name)[0]

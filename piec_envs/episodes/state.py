@@ -13,8 +13,11 @@ import numpy as np
 from piec_envs.dynamics.base import CONTROL_PERIOD, INERTIAS, NO_MEMORY
 from piec_envs.dynamics.quasi_dynamic import check_first_order
 from piec_envs.dynamics.table import DYNAMICS
+from piec_envs.episodes.observation import JOINT_BOUND, POSITION_BOUND
+from piec_envs.episodes.plain import plain
 from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
 from piec_envs.world.objects import OBJECTS
+from piec_envs.world.robots import Robot
 
 DISTURBANCE_KINDS = ("gaussian", "direction")
 
@@ -26,14 +29,14 @@ class PlantParams:
     Args:
         dynamics: name of the contact dynamics.
         object: name of the object.
-        friction: mu between arm and object.
-        disturbance: sigma of the object's displacement in each step, m.
+        friction: mu between arm and object, at most 5.
+        disturbance: sigma of the object's displacement in each step, m, at most 0.05.
         disturbance_kind: "gaussian" (sigma for each axis) or "direction" (length sigma, uniform
             direction: the paper's bound).
         adversary: speed at which the object flees down the escape-time field, as a fraction of
-            the field's u_bar.
-        mass: of the object, as a factor of its nominal one, inertia along with it. The
-            quasi-dynamic model is of first order and the same for every mass.
+            the field's u_bar, at most 10.
+        mass: of the object, as a factor (0.01 to 100) of its nominal one, inertia along with it. The
+            quasi-dynamic model is of first order and the same for every mass, so that it takes 1 alone.
         delay: from a command to the drives, s, at most a control step, in steps of 2 ms; until then
             the command before holds. The quasi-dynamic model knows none.
         inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042, stiff) or
@@ -41,8 +44,8 @@ class PlantParams:
 
     Raises:
         UnknownNameError: for a name in no table.
-        InvalidParameterError: for a number outside its range, or a delay or an object with loose
-            bodies under the quasi-dynamic model.
+        InvalidParameterError: for a number outside its range, or a delay, a mass or an object with
+            loose bodies under the quasi-dynamic model.
     """
 
     dynamics: str = "quasi_dynamic"
@@ -67,6 +70,14 @@ class PlantParams:
             object.__setattr__(self, name, _number(name, getattr(self, name)))
         if self.dynamics == "quasi_dynamic":
             check_first_order(self.object, self.delay)
+            self._check_mass()
+
+    def _check_mass(self) -> None:
+        if self.mass != 1.0:
+            raise InvalidParameterError(
+                f"mass must be 1 under dynamics='quasi_dynamic', which moves every mass alike; got {self.mass:g} "
+                "(take dynamics='mujoco', given together with the mass)"
+            )
 
     def replace(self, *changes: Mapping[str, Any]) -> PlantParams:
         """The same parameters with some changed; what they are together is checked once, at the end.
@@ -88,23 +99,25 @@ class PlantParams:
         return dataclasses.replace(self, **values)
 
 
+# What a number may be. Beyond it stands a slip of the unit: an object displaced by its own size in every step, or a
+# surface that holds better than rubber on rubber.
 _RANGES = {
-    **dict.fromkeys(("friction", "disturbance", "adversary"), "a finite number of at least 0"),
-    "mass": "a finite number above 0",
-    "delay": f"from 0 to {CONTROL_PERIOD:g} s",
+    "friction": (0.0, 5.0, ""),
+    "disturbance": (0.0, 0.05, " m"),
+    "adversary": (0.0, 10.0, ""),
+    "mass": (0.01, 100.0, ""),
+    "delay": (0.0, CONTROL_PERIOD, " s"),
 }
 
 
 def _number(name: str, given: Any) -> float:
     """A plant parameter that is a number, within its range."""
-    try:
-        value = float(given)
-    except (TypeError, ValueError):
-        value = np.nan
-    beyond = (name == "mass" and value == 0) or (name == "delay" and value > CONTROL_PERIOD)
-    if beyond or not (np.isfinite(value) and value >= 0):
-        raise InvalidParameterError(f"{name} must be {_RANGES[name]}, got {given!r}")
-    return value
+    low, high, unit = _RANGES[name]
+    value = plain(given)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and low <= value <= high):
+        raise InvalidParameterError(f"{name} must be from {low:g} to {high:g}{unit}, got {given!r}")
+    return float(value)
 
 
 PARAM_KINDS = {field.name: field.type for field in dataclasses.fields(PlantParams)}  # "str" or "float"
@@ -219,12 +232,24 @@ class State:
         taken |= {name: [getattr(self, name)[int(i)] for i in rows] for name in _LISTS}
         return State(**taken)
 
-    def check(self, rows: int, dof: int) -> None:
-        """Refuse a state that could not have come from `rows` episodes of a robot with `dof` joints.
+    def check(self, rows: int, robot: Robot) -> None:
+        """Refuse a state that could not have come from `rows` episodes of a robot.
 
         Raises:
-            InvalidStateError: if an array has the wrong shape or is not finite, or a step is negative.
+            InvalidStateError: if an array has the wrong shape or is not finite, a step is negative, or the object or a
+                joint stands where no observation would show it.
         """
+        self._check_arrays(rows, robot.dof)
+        self._check_places(robot)
+        if len(self.params) != rows or not all(isinstance(params, PlantParams) for params in self.params):
+            raise InvalidStateError(f"state field 'params' must be {rows} PlantParams, got {self.params!r}")
+        if len(self.memory) != rows:
+            raise InvalidStateError(f"state field 'memory' must have {rows} arrays, got {len(self.memory)}")
+        for memory in self.memory:
+            as_floats("state field 'memory'", memory, (np.size(memory),), InvalidStateError)
+
+    def _check_arrays(self, rows: int, dof: int) -> None:
+        """Refuse wrong shapes, numbers that are not finite, and counts that are none."""
         blank = State.zeros(rows, dof)
         for name in _ARRAYS:
             if name == "escape_time":  # behind a hard wall it may be infinite
@@ -237,16 +262,35 @@ class State:
                 raise InvalidStateError(
                     f"state field {name!r} must be whole numbers of at least 0, got {value.tolist()}"
                 )
-        if len(self.params) != rows or not all(isinstance(params, PlantParams) for params in self.params):
-            raise InvalidStateError(f"state field 'params' must be {rows} PlantParams, got {self.params!r}")
-        if len(self.memory) != rows:
-            raise InvalidStateError(f"state field 'memory' must have {rows} arrays, got {len(self.memory)}")
-        for memory in self.memory:
-            as_floats("state field 'memory'", memory, (np.size(memory),), InvalidStateError)
+
+    def _check_places(self, robot: Robot) -> None:
+        """Refuse an object or a joint beyond what an observation holds."""
+        for name in ("pose", "start"):
+            places = np.asarray(getattr(self, name))[:, :2]
+            if (np.abs(places) > POSITION_BOUND).any():
+                raise InvalidStateError(
+                    f"state field {name!r} must lie within {POSITION_BOUND:g} m of the origin along x and y, "
+                    f"got {_worst(places)}"
+                )
+        lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
+        middle, half = (upper + lower) / 2, (upper - lower) / 2
+        for name in ("q_r", "q_cmd"):
+            share = (np.asarray(getattr(self, name)) - middle) / half
+            if (np.abs(share) > JOINT_BOUND).any():
+                raise InvalidStateError(
+                    f"state field {name!r} must stay near the joint limits {lower.tolist()} to {upper.tolist()}, "
+                    f"got {_worst(share * half + middle, share)}"
+                )
 
     def copy(self) -> State:
         """An independent copy."""
         return self.take(np.arange(self.rows))
+
+
+def _worst(rows: np.ndarray, measure: np.ndarray | None = None) -> list[float]:
+    """The row of the largest absolute entry, of `rows` themselves or of `measure`."""
+    size = np.abs(rows if measure is None else measure).max(axis=1)
+    return np.asarray(rows)[int(size.argmax())].tolist()
 
 
 _LISTS = ("params", "memory")

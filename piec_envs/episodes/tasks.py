@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from piec_envs.errors import check_name
+from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.kernels import batch_kernel
 
 HORIZON, ARRIVAL = 1000, 900  # steps of an episode, and of those until a reference has reached its end
@@ -67,6 +67,26 @@ PRESETS = {
     "paper-miss": {kind: weights._replace(miss=CostWeights().miss) for kind, weights in _LETTER.items()},
 }
 PAPER_PRESETS = ("paper", "paper-miss")  # with the paper's rigid contact and unlimited lead
+
+
+def check_weight(name: str, value: Any) -> None:
+    """Refuse what cannot be a weight of the stage cost.
+
+    Args:
+        name: a field of `CostWeights`.
+        value: the value given.
+
+    Raises:
+        InvalidParameterError: unless it is a truth value for "shortest", a finite number of at least 0 for the others,
+            or infinity for "saturation".
+    """
+    if name == "shortest":
+        if not isinstance(value, bool):
+            raise InvalidParameterError(f"weights['shortest'] must be True or False, got {value!r}")
+        return
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and (0 <= value < np.inf or (name == "saturation" and value == np.inf))):
+        raise InvalidParameterError(f"weights[{name!r}] must be a finite number of at least 0, got {value!r}")
 
 
 @dataclass(frozen=True, eq=False)

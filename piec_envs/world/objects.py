@@ -57,7 +57,7 @@ class Object:
 
     def __post_init__(self):
         for point in self.key_points:
-            depth = max(_depth_inside(shape, point) for shape in self.shapes)
+            depth = max(depth_inside(shape, point) for shape in self.shapes)
             if depth < MIN_KEY_POINT_DEPTH:
                 raise InvalidShapeError(
                     f"key point {point.tolist()} of {self.name!r} lies {depth:.3f} m inside the surface; "
@@ -76,8 +76,8 @@ class Object:
         return float(np.sqrt(sum(moments) / sum(shape.area for shape in self.shapes)))
 
 
-def _depth_inside(shape: RoundedPolygon, point: np.ndarray) -> float:
-    """Radius of the largest disc around `point` inside one shape (a lower bound for capsules)."""
+def depth_inside(shape: RoundedPolygon, point: np.ndarray) -> float:
+    """Radius of the largest disc around `point` inside one shape (a lower bound for capsules), m; negative outside."""
     if len(shape.vertices) < 3:
         return shape.radius - float(np.linalg.norm(shape.vertices - point, axis=1).min())
     edges = np.roll(shape.vertices, -1, axis=0) - shape.vertices

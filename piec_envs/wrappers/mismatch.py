@@ -8,6 +8,7 @@ import gymnasium as gym
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 
+from piec_envs.episodes.plain import plain
 from piec_envs.errors import InvalidParameterError, check_name
 
 
@@ -37,7 +38,7 @@ class Mismatch(gym.Wrapper, RecordConstructorArgs):
     names: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, env: gym.Env, **params: Any):
-        RecordConstructorArgs.__init__(self, **params)
+        RecordConstructorArgs.__init__(self, **plain(params))  # a spec is kept as JSON
         gym.Wrapper.__init__(self, env)
         _inject(env, self.names, params)
 

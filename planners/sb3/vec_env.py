@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 
 import piec_envs  # noqa: F401  registers the environments
+from piec_envs.episodes.info import row_info
 from piec_envs.errors import InvalidParameterError, as_count, check_name
 from piec_envs.registration import ENVS
 
@@ -75,9 +76,11 @@ class NativeVecEnv(VecEnv):
         observation, reward, terminated, truncated, info = self.native.step(self._actions)
         ended = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        # Names with a leading "_" are Gymnasium's masks.
+        final = {name: values for name, values in info.get("final_info", {}).items() if not name.startswith("_")}
         for row in np.flatnonzero(ended).tolist():
             infos[row] = {
-                **_row_of(info["final_info"], row),
+                **row_info(final, row),
                 "terminal_observation": info["final_obs"][row],
                 "TimeLimit.truncated": bool(truncated[row] and not terminated[row]),
             }
@@ -129,14 +132,3 @@ class NativeVecEnv(VecEnv):
             raise InvalidParameterError(
                 f"the rows of a native VectorEnv share {name!r}: give no indices, or all {self.num_envs}, not {rows}"
             )
-
-
-def _row_of(info: Mapping[str, Any], row: int) -> dict[str, Any]:
-    """The info of one row, with plain Python scalars as the single environment gives it."""
-    found: dict[str, Any] = {}
-    for name, value in info.items():
-        if name.startswith("_"):  # Gymnasium's masks
-            continue
-        entry = _row_of(value, row) if isinstance(value, Mapping) else value[row]
-        found[name] = entry.item() if isinstance(entry, np.generic) else entry
-    return found

@@ -41,6 +41,7 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"render_mode": "ansi"}, UnknownNameError, "rgb_array"),
         ({"colour": "red"}, UnknownNameError, "object"),
         ({"goal": (1.2, 1.2)}, InvalidParameterError, "within 1.4 m"),
+        ({"goal": (0.0, 0.05)}, InvalidParameterError, r"at least 0.075 m from it.*got \[0.0, 0.05\]"),
         ({"goal": (np.nan, 0.0)}, InvalidParameterError, "within 1.4 m"),
         ({"goal": (0.1, 0.2, 0.3)}, InvalidParameterError, "goal"),
         ({"friction": -0.1}, InvalidParameterError, "friction"),
@@ -51,7 +52,7 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"action_repeat": 0}, InvalidParameterError, "action_repeat"),
         ({"start_noise": (0.01,)}, InvalidParameterError, "start_noise"),
         ({"start_noise": (-0.01, 0.0)}, InvalidParameterError, "start_noise"),
-        ({"dynamics": "mujoco", "mass": 0.0}, InvalidParameterError, "mass must be a finite number above 0, got 0"),
+        ({"dynamics": "mujoco", "mass": 0.0}, InvalidParameterError, "mass must be from 0.01 to 100, got 0.0"),
         ({"mass": -1.0}, InvalidParameterError, "mass"),
         ({"mass": np.inf}, InvalidParameterError, "mass"),
         ({"dynamics": "mujoco", "delay": 0.11}, InvalidParameterError, "delay must be from 0 to 0.1 s, got 0.11"),
@@ -137,6 +138,7 @@ def test_bad_states(state, error, message):
 
 def test_bad_reset_options():
     env = gym.make(PUSH, escape_field=None).unwrapped
+    env.reset(seed=0)
     with pytest.raises(UnknownNameError, match="params, state"):
         env.reset(options={"param": {}})
     with pytest.raises(UnknownNameError, match="friction"):
@@ -200,7 +202,7 @@ def test_bad_vector_arguments():
     with pytest.raises(InvalidParameterError, match="num_envs"):
         gym.make_vec(PUSH, num_envs=0)
     envs = gym.make_vec(PUSH, num_envs=2, escape_field=None)
-    for choice in ({"max_episode_steps": 0}, {"max_episode_steps": None}, {"autoreset_mode": "Never"}):
+    for choice in ({"max_episode_steps": 0}, {"max_episode_steps": -2}, {"autoreset_mode": "Never"}):
         with pytest.raises((InvalidParameterError, UnknownNameError), match=next(iter(choice))):
             gym.make_vec(PUSH, num_envs=2, **choice)
     for seed in ([1, 2, 3], "a", 1.5, -1):

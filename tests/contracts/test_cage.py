@@ -88,7 +88,7 @@ def test_the_franka_has_its_geometry_field_and_limits():
     for make in (gym.make, gym.make_vec):
         with pytest.raises(UnknownNameError, match="capsules, meshes"):
             make(FRANKA, geometry="boxes")
-        with pytest.raises(UnknownNameError, match="unknown keyword argument 'robot'"):
+        with pytest.raises(UnknownNameError, match="unexpected keyword argument 'robot'"):
             make(FRANKA, geometry="capsules", robot="planar_arm")
 
 

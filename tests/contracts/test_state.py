@@ -118,8 +118,8 @@ def test_a_state_may_go_on_under_another_dynamics():
         for _ in range(5):
             env.step(np.full(4, 0.5))
         before = env.get_state()
-        _, info = env.reset(options={"state": before, "params": {"dynamics": dynamics}})
-        assert info["params"]["dynamics"] == dynamics
+        env.reset(options={"state": before, "params": {"dynamics": dynamics}})
+        assert env.get_params()["dynamics"] == dynamics
         np.testing.assert_array_equal(env.get_state().pose, before.pose)
     assert env.get_state().pose[0, 1] > 0.126
 

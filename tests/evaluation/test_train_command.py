@@ -49,7 +49,7 @@ def test_train_and_evaluate_the_agent(piec, tmp_path, capsys):
         (["--steps", "0"], "timesteps"),
         (["--threads", "0"], "threads"),
         (["--hyper", "luck=1"], "unknown hyper-parameter 'luck'"),
-        (["--set", "luck=1"], "unknown keyword argument 'luck'"),
+        (["--set", "luck=1"], "unexpected keyword argument 'luck'"),
         (["--set", "luck"], "name=value"),
     ],
 )
