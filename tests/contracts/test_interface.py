@@ -65,7 +65,7 @@ def test_an_unknown_argument_says_what_may_have_been_meant_and_crosses_processes
 def test_an_argument_of_one_environment_alone_is_listed_there():
     with pytest.raises(UnknownArgumentError, match="geometry"):
         gym.make("piec_envs/FrankaCage-v0", luck=1)
-    with pytest.raises(UnknownArgumentError, match="contact, .*reference"):
+    with pytest.raises(UnknownArgumentError, match=r"contact, .*reference"):
         gym.make("piec_envs/MobileFrankaTrack-v0", luck=1)
 
 
