@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evaluation.studies import STUDIES
-from evaluation.studies.common import StudyRun
+from evaluation.studies import STUDIES, paper
+from evaluation.studies.common import SMOKE_PLANNER, StudyRun
 from evaluation.studies.paper import PAPER_NOTES, PAPER_PLANNER, all_notes, paper_cases
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.episodes.config import EnvConfig
@@ -109,3 +109,16 @@ def test_notes_say_what_the_papers_rows_are():
     assert f"100 d^2, is {letter.task * 0.5**2:g} at half a metre" in PAPER_NOTES
     assert f"caging term {letter.prior * 1.6:g} in a closed cage" in PAPER_NOTES
     assert f"1e{np.log10(PRESETS['paper-miss']['push'].miss):.0f} d2g" in PAPER_NOTES
+
+
+def test_the_papers_plans_have_a_table_of_their_own_beside_the_studys(monkeypatch, tmp_path):
+    monkeypatch.setattr(paper, "PAPER_PLANNER", {**BUDGET, **SMOKE_PLANNER})
+    module = STUDIES["planar-shape"].load()
+    settings = dataclasses.replace(module.Settings.smoke(), objectives=("contact",), paper=("contact",), starts=1)
+    files = module.run(settings, tmp_path / "planar-shape", progress=False)
+    assert tmp_path / "planar-shape" / "paper.md" in files
+    text = (tmp_path / "planar-shape" / "paper.md").read_text()
+    for preset in PAPER_PRESETS:
+        assert text.count(f"| contact (mode 1), {preset} ") == 4  # nominal and square, each from drawn starts as well
+    assert PAPER_NOTES in text
+    assert ", paper" not in (tmp_path / "planar-shape" / "table.md").read_text()
