@@ -22,9 +22,11 @@ class ExtendedLoss(ResidualLoss):
 
     def _speed(self, distance: np.ndarray, iteration: int) -> np.ndarray:
         """Speeds at distances to the robot, m/s, from u_bar everywhere at first to the true ones."""
-        share = min(1.0, iteration / max(self.recipe.ramp * self.recipe.iterations, 1.0))
-        share = share if self.recipe.ramp else 1.0
-        return (1 - share) * self.speed.u_bar + share * super()._speed(distance, iteration)
+        true, length = super()._speed(distance, iteration), self.recipe.ramp * self.recipe.iterations
+        if iteration >= length:
+            return true
+        share = iteration / length
+        return (1 - share) * self.speed.u_bar + share * true
 
     def _left_side(self, interior: Interior) -> torch.Tensor:
         """|grad T| - eps Laplacian(T), shape (N,), s/m."""

@@ -80,9 +80,7 @@ class ResidualLoss:
         """Speeds at distances to the robot, m/s; the same in every iteration."""
         return self.speed.speed(distance)
 
-    def _interior(
-        self, module: FieldModule, q: np.ndarray, rng: np.random.Generator, iteration: int
-    ) -> Interior:
+    def _interior(self, module: FieldModule, q: np.ndarray, rng: np.random.Generator, iteration: int) -> Interior:
         """Points of this iteration, with T and its slope."""
         points, rows = self._points(q, rng)
         distance = robot_distance(self.robot_name, points[:, None], rows)[:, 0]
