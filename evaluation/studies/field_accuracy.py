@@ -49,6 +49,7 @@ class Settings:
         robot: row of the table of robots.
         grids: (nodes a side, method) of the grids.
         recipes: learned fields, by the recipe that trains them; those that do not ship are trained first.
+        further: more of them, left out of what records are found by, so that the others keep theirs.
         seed: of the trainings.
         rows: configurations in H and U.
         points: for each.
@@ -65,6 +66,12 @@ class Settings:
     robot: str = "planar_arm"
     grids: tuple[tuple[int, str], ...] = ((100, "marching"), (100, "sweeping"), (64, "sweeping"))
     recipes: tuple[str, ...] = ("network", "pinn", "pinn-lines", "pinn-factorised", "pinn-paper")
+    further: tuple[str, ...] = (
+        "pinn-paper-short",
+        "pinn-paper-viscous",
+        "pinn-paper-progressive",
+        "pinn-paper-td",
+    )
     seed: int = 0
     rows: int = 50
     points: int = 400
@@ -83,6 +90,7 @@ class Settings:
         return cls(
             grids=((64, "sweeping"),),
             recipes=("network",),
+            further=(),
             rows=2,
             points=20,
             ranking=40,
@@ -128,6 +136,7 @@ def judge_fields(
         The files written.
     """
     common = json.loads(json.dumps(dataclasses.asdict(settings)))
+    del common["further"]
     works = [Work({"work": "score", "field": spec, **common}, settings.seed, label) for label, spec in cases.items()]
     exact = {"kind": "grid", "nodes": 200, "method": "marching"}
     compared = {"grid 200, marching": exact, **{k: spec for k, spec in cases.items() if spec["kind"] != "bound"}}
@@ -152,7 +161,7 @@ def make_cases(settings: Settings) -> dict[str, dict[str, Any]]:
         f"grid {nodes}, {method}": {"kind": "grid", "nodes": nodes, "method": method}
         for nodes, method in settings.grids
     }
-    learned = {recipe: learned_case(settings.robot, recipe) for recipe in settings.recipes}
+    learned = {name: learned_case(settings.robot, name) for name in settings.recipes + settings.further}
     return {"T_0, no arm": {"kind": "bound"}, **grids, **learned}
 
 

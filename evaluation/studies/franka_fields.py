@@ -37,6 +37,7 @@ class Settings:
     common: field_accuracy.Settings = field_accuracy.Settings(  # noqa: RUF009  it is frozen
         robot=ROBOT,
         recipes=("network", "pinn"),
+        further=("pinn-paper",),
         drawn=((2.74, -2.56, 0.84), (-0.51, -2.5, 0.83), (0.9, -1.9, 1.1)),
     )
     tables: tuple[tuple[int, float], ...] = ((101, 0.07), (81, 0.1), (65, 0.1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 
@@ -14,6 +16,16 @@ from piec_envs.escape.weights import FieldWeights
 from piec_envs.world.robots import get_robot
 
 NORMALISATION_POINTS = 20_000
+
+
+class Interior(NamedTuple):
+    """Points where the eikonal equation is to hold, with what the network says there."""
+
+    p: torch.Tensor  # (N, 2), m
+    q: torch.Tensor  # (N, n)
+    slowness: torch.Tensor  # 1 / u, (N,), s/m
+    time: torch.Tensor  # T, (N,), s
+    slope: torch.Tensor  # its gradient in p, (N, 2), s/m
 
 
 class ResidualLoss:
@@ -47,10 +59,14 @@ class ResidualLoss:
         """The loss of one iteration's batch."""
         recipe, rng = self.recipe, np.random.default_rng([self.seed, iteration])
         q = draw_configurations(self.robot_name, "uniform", recipe.configurations, rng)
-        loss = recipe.weight_pde * self._residual(module, q, rng)
+        loss = self._inner_loss(module, self._interior(module, q, rng, iteration))
         return loss + recipe.weight_bc * self._boundary(module, q, rng) if recipe.inputs == "raw" else loss
 
-    def _interior(self, q: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    def _inner_loss(self, module: FieldModule, interior: Interior) -> torch.Tensor:
+        """What is asked for inside the disc."""
+        return self.recipe.weight_pde * self._residual(interior)
+
+    def _points(self, q: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Points (N, 2) and their configurations (N, n): near the robot, and anywhere."""
         recipe = self.recipe
         each = -(-recipe.batch // len(q))
@@ -60,15 +76,28 @@ class ResidualLoss:
         points = np.where(near[..., None], points, anywhere)
         return points.reshape(-1, 2)[: recipe.batch], np.repeat(q, each, axis=0)[: recipe.batch]
 
-    def _residual(self, module, q, rng) -> torch.Tensor:
-        points, rows = self._interior(q, rng)
+    def _speed(self, distance: np.ndarray, iteration: int) -> np.ndarray:
+        """Speeds at distances to the robot, m/s; the same in every iteration."""
+        return self.speed.speed(distance)
+
+    def _interior(self, module: FieldModule, q: np.ndarray, rng: np.random.Generator, iteration: int) -> Interior:
+        """Points of this iteration, with T and its slope."""
+        points, rows = self._points(q, rng)
         distance = robot_distance(self.robot_name, points[:, None], rows)[:, 0]
-        slowness = self._tensor(1 / self.speed.speed(distance))
-        p = self._tensor(points).requires_grad_()
-        T = self.geometry.time(module, p, self._tensor(rows))
+        slowness = self._tensor(1 / self._speed(distance, iteration))
+        p, joints = self._tensor(points).requires_grad_(), self._tensor(rows)
+        T = self.geometry.time(module, p, joints)
         (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
-        steepness = torch.sqrt((slope * slope).sum(1) + 1e-12)
-        residual = steepness / slowness - 1 if self.recipe.scaled else steepness - slowness
+        return Interior(p, joints, slowness, T, slope)
+
+    def _left_side(self, interior: Interior) -> torch.Tensor:
+        """What the equation holds against the slowness, shape (N,), s/m."""
+        return torch.sqrt((interior.slope * interior.slope).sum(1) + 1e-12)
+
+    def _residual(self, interior: Interior) -> torch.Tensor:
+        """Mean square of the residual."""
+        left, slowness = self._left_side(interior), interior.slowness
+        residual = left / slowness - 1 if self.recipe.scaled else left - slowness
         return (residual * residual).mean()
 
     def _boundary(self, module, q, rng) -> torch.Tensor:

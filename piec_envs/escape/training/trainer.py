@@ -15,9 +15,10 @@ from tqdm import tqdm
 from piec_envs.errors import InvalidParameterError, as_count
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.training.checkpoint import read_checkpoint, write_checkpoint
+from piec_envs.escape.training.extended import ExtendedLoss
 from piec_envs.escape.training.fitted import FittedLoss
 from piec_envs.escape.training.heldout import HeldOut
-from piec_envs.escape.training.recipes import Fitted, Recipe, Residual
+from piec_envs.escape.training.recipes import Extended, Fitted, Recipe, Residual
 from piec_envs.escape.training.reference import FieldModule
 from piec_envs.escape.training.residual import ResidualLoss
 from piec_envs.escape.weights import FieldWeights, input_count
@@ -26,7 +27,7 @@ from piec_envs.world.robots import get_robot
 CHECKPOINT_SECONDS = 30.0
 REPORTS = 20  # held-out errors measured during a training
 LEAST_RATE = 0.01  # of the cosine schedule, as a share of the first
-LOSSES: dict[type, Any] = {Fitted: FittedLoss, Residual: ResidualLoss}
+LOSSES: dict[type, Any] = {Fitted: FittedLoss, Extended: ExtendedLoss, Residual: ResidualLoss}  # special ones first
 
 
 def learning_rate(recipe: Recipe, iteration: int, length: int) -> float:

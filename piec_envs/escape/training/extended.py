@@ -1,0 +1,71 @@
+"""What later work adds to the paper's loss: viscosity, progressive speed, a temporal difference.
+
+Sources: see `Extended`. Each term is written for one time field T(p; q) whose zero is the circle, where
+the papers' fields are between two points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from piec_envs.escape.training.recipes import Extended
+from piec_envs.escape.training.reference import FieldModule
+from piec_envs.escape.training.residual import Interior, ResidualLoss
+from piec_envs.world.robots import get_robot
+
+
+class ExtendedLoss(ResidualLoss):
+    """The paper's loss with the additions whose numbers are not 0; arguments as in `FittedLoss`."""
+
+    recipe: Extended
+
+    def _speed(self, distance: np.ndarray, iteration: int) -> np.ndarray:
+        """Speeds at distances to the robot, m/s, from u_bar everywhere at first to the true ones."""
+        true, length = super()._speed(distance, iteration), self.recipe.ramp * self.recipe.iterations
+        if iteration >= length:
+            return true
+        share = iteration / length
+        return (1 - share) * self.speed.u_bar + share * true
+
+    def _left_side(self, interior: Interior) -> torch.Tensor:
+        """|grad T| - eps Laplacian(T), shape (N,), s/m."""
+        left, viscosity = super()._left_side(interior), self.recipe.viscosity
+        return left - viscosity * laplacian(interior.slope, interior.p) if viscosity else left
+
+    def _inner_loss(self, module: FieldModule, interior: Interior) -> torch.Tensor:
+        """The residual's part and the temporal difference's."""
+        loss, weight = super()._inner_loss(module, interior), self.recipe.weight_td
+        return loss + weight * self._temporal_difference(module, interior) if weight else loss
+
+    def _temporal_difference(self, module: FieldModule, interior: Interior) -> torch.Tensor:
+        """Mean square of T(p) - (dt + T(p')), p' where the point is after dt along -grad T.
+
+        The target is not differentiated. A point that would leave the disc stops at the circle, T = 0.
+        """
+        with torch.no_grad():
+            ahead, spent, out = self._ahead(interior)
+            later = self.geometry.time(module, ahead, interior.q)
+            target = spent + torch.where(out, torch.zeros_like(later), later)
+        difference = interior.time - target
+        return (difference * difference).mean()
+
+    def _ahead(self, interior: Interior) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Points after a time step, (N, 2), m, the time they took, (N,), s, and which are out."""
+        radius = get_robot(self.robot_name).workspace_radius
+        p, slope = interior.p.detach(), interior.slope.detach()
+        along = -slope / torch.sqrt((slope * slope).sum(1, keepdim=True) + 1e-12)
+        across = (p * along).sum(1)
+        way_out = torch.sqrt((across * across - (p * p).sum(1) + radius * radius).clamp(min=0)) - across
+        step = self.recipe.time_step / interior.slowness
+        reach = torch.minimum(step, way_out)
+        return p + reach[:, None] * along, reach * interior.slowness, way_out <= step
+
+
+def laplacian(slope: torch.Tensor, p: torch.Tensor) -> torch.Tensor:
+    """Divergence of gradients (N, 2) that were taken in the points p (N, 2), shape (N,)."""
+    parts = []
+    for k in range(p.shape[1]):
+        (bend,) = torch.autograd.grad(slope[:, k].sum(), p, create_graph=True)
+        parts.append(bend[:, k])
+    return torch.stack(parts).sum(0)
