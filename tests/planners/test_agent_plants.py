@@ -37,5 +37,8 @@ def test_an_agent_is_judged_by_what_it_was_trained_for(tmp_path):
     arguments = [str(tmp_path / "agent.zip"), "--set", "escape_field=null", "--json"]
     assert main(["evaluate", *arguments, "--out", str(tmp_path / "out")]) == 0
     table = (tmp_path / "out" / "table.md").read_text()
-    assert "goal (0.2, 0.5) m, object square, friction 0.2" in table and "made with randomize friction of (0.1, 0.3), start_noise (0.01, 0.05)" in table
+    assert (
+        "goal (0.2, 0.5) m, object square, friction 0.2" in table
+        and "made with randomize friction of (0.1, 0.3), start_noise (0.01, 0.05)" in table
+    )
     assert main(["render", *arguments, "--frames", "1", "--out", str(tmp_path / "a.gif")]) == 0
