@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation import evaluate, summarise
+from evaluation import evaluate
 from evaluation.cli import main
 from evaluation.plants import PLANTS, check_suits, plant_in_force, plant_line
 from evaluation.protocols import PROTOCOLS, family, get_protocol, laid_over
@@ -203,73 +203,6 @@ def test_a_protocol_of_another_robot_is_refused_before_anything_runs(other_plan,
     assert [path.name for path in tmp_path.iterdir()] == ["p.npz"]
     own = evaluate(other_plan, protocol="shape-a4_box", env_kwargs={"object": "paper_pack"})  # whoever moves packs
     assert own.spec["env_kwargs"]["object"] == "a4_box"
-
-
-class TestCommands:
-    """`piec evaluate` and `piec render`."""
-
-    @pytest.fixture
-    def run(self, capsys):
-        def run(*arguments):
-            assert main([str(argument) for argument in [*arguments, "--json"]]) == 0
-            return json.loads(capsys.readouterr().out)
-
-        return run
-
-    def test_evaluate_judges_by_the_plans_own(self, other_plan, tmp_path, run):
-        """A plan for (0.2, 0.5) was judged against (-0.3, 0.4)."""
-        file, expected = other_plan.save(tmp_path / "p.npz"), summarise(evaluate(other_plan))
-        document = run("evaluate", file, "--out", tmp_path / "out")
-        (result,) = document["evaluations"]
-        assert result["d2g_mean"] == expected["d2g_mean"]
-        assert {name: result["plant"][name] for name in OTHER} == OTHER
-        table = (tmp_path / "out" / "table.md").read_text()
-        above = table.partition("| plan")[0]
-        assert "goal (0.2, 0.5) m, object square, friction 0.1" in above and "preset paper" in above
-        (record,) = read_records(tmp_path / "out" / "records.jsonl")
-        assert record["spec"]["env_kwargs"]["goal"] == GOAL
-
-    def test_evaluate_takes_options_over_the_plan(self, other_plan, tmp_path, run):
-        file = other_plan.save(tmp_path / "p.npz")
-        options = ["--plant", "default", "--set", "friction=0.3", "--protocol", "nominal", "friction-0.80"]
-        document = run("evaluate", file, "--out", tmp_path / "out", *options)
-        first, second = (result["plant"] for result in document["evaluations"])
-        assert (first["object"], first["friction"], first["goal"]) == ("circle", 0.3, GOAL)
-        assert second == {**first, "friction": 0.8}
-        assert "- friction-0.80: friction 0.8\n" in (tmp_path / "out" / "table.md").read_text()
-
-    def test_evaluate_says_what_was_drawn_in_planning(self, drawn_plan, tmp_path, run):
-        file = drawn_plan.save(tmp_path / "p.npz")
-        document = run("evaluate", file, "--out", tmp_path / "out")
-        assert document["evaluations"][0]["n"] == 1
-        above = (tmp_path / "out" / "table.md").read_text().partition("| plan")[0]
-        assert (
-            "made with randomize friction of (0.1, 0.9); object of (circle, hexagon), start_noise (0.02, 0.1)" in above
-        )
-        document = run("evaluate", file, "--out", tmp_path / "out", "--plant", "disturbed", "--episodes", 3)
-        assert document["evaluations"][0]["n"] == 3
-        assert document["evaluations"][0]["plant"]["randomize"] == DRAWN["randomize"]
-
-    def test_files_of_one_name_are_told_apart(self, other_plan, drawn_plan, tmp_path, run):
-        files = [plan.save(tmp_path / name / "p.npz") for name, plan in {"a": other_plan, "b": drawn_plan}.items()]
-        run("evaluate", *files, "--out", tmp_path / "out")
-        table = (tmp_path / "out" / "table.md").read_text()
-        assert all(f"Plant of {file}:" in table and f"| {file} " in table for file in files)
-
-    def test_render_draws_the_plans_own(self, other_plan, tmp_path, run):
-        file = other_plan.save(tmp_path / "p.npz")
-        document = run("render", file, "--frames", 1)
-        assert abs(document["end"]["goal_distance"] - other_plan.nominal["goal_distance"]) < 1e-12
-        assert {name: document["plant"][name] for name in OTHER} == OTHER
-        document = run("render", file, "--frames", 1, "--plant", "default")
-        assert (document["plant"]["object"], document["plant"]["goal"]) == ("circle", GOAL)
-
-    def test_plan_says_its_model(self, tmp_path, run):
-        tiny = [f"{name}={value}" for name, value in TINY.items()]
-        made = run(
-            "plan", "--objective", "contact", "--planner", *tiny, "--set", "friction=0.1", "--out", tmp_path / "p"
-        )
-        assert made["model"]["friction"] == 0.1
 
 
 COMMITTED = sorted((ROOT / "results" / "planar-adversary" / "plans").glob("*seed0-*.npz"))

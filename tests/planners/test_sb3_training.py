@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from evaluation import evaluate
-from evaluation.cli import main
 from piec_envs.errors import AgentError, InvalidObservationError, InvalidParameterError, UnknownNameError
 
 pytest.importorskip("stable_baselines3")
@@ -131,29 +130,6 @@ def test_the_policy_decides_for_each_row_by_its_own_clock(trained):
             policy.predict(broken)
     with pytest.raises(AgentError, match=r"Agent\.load"):
         AgentPolicy(trained["ppo"][0].model)
-
-
-def test_an_agent_is_judged_by_what_it_was_trained_for(tmp_path):
-    """Its goal, object and friction; what only its training drew is drawn where that is asked for."""
-    own = {"goal": [0.2, 0.5], "object": "square", "friction": 0.2}
-    drawn = {"start_noise": [0.01, 0.05], "randomize": {"friction": [0.1, 0.3]}, "action_repeat": 100}
-    env = {"escape_field": None, **own, **drawn, "threads": 1}
-    spec = TrainSpec(PUSH, "sac", 30, n_envs=2, env_kwargs=env, hyper=OFF, evaluations=1, eval_episodes=1)
-    agent = train(spec, tmp_path, progress=False)
-    without = {"env_kwargs": {"escape_field": None}}
-    (seen,) = {json.dumps(evaluate(judged, **without).spec["env_kwargs"]) for judged in (agent, AgentPolicy(agent))}
-    assert json.loads(seen) == {**own, "escape_field": None}
-    single = evaluate(agent, **without)
-    np.testing.assert_allclose(single.goal_distance[0], np.hypot(*(single.pose[0, :, :2] - [0.2, 0.5]).T), atol=1e-12)
-    again = evaluate(agent, plant="disturbed", episodes=2, **without)
-    assert again.spec["env_kwargs"]["randomize"] == {"friction": [0.1, 0.3]} and len(again.distinct) == 2
-    default = evaluate(agent, plant="default", **without).spec["env_kwargs"]
-    assert default == {"goal": [0.2, 0.5], "escape_field": None}
-    arguments = [str(tmp_path / "agent.zip"), "--set", "escape_field=null", "--json"]
-    assert main(["evaluate", *arguments, "--out", str(tmp_path / "out")]) == 0
-    table = (tmp_path / "out" / "table.md").read_text()
-    assert "goal (0.2, 0.5) m, object square, friction 0.2" in table and "made with start_noise" in table
-    assert main(["render", *arguments, "--frames", "1", "--out", str(tmp_path / "a.gif")]) == 0
 
 
 def test_open_loop_is_a_plan_like_any_other(trained, tmp_path):
