@@ -21,7 +21,8 @@ from typing import Any
 
 from evaluation.jobs import POLL_SECONDS, RETRIES, say
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, as_count, check_name
-from piec_envs.versions import source, versions
+from piec_envs.sources import source
+from piec_envs.versions import versions
 
 RAY_STORE = 100 * 2**20  # bytes; results are small, and Ray would take a third of the memory
 SLURM_FOLDER = "runs/slurm"
