@@ -131,12 +131,12 @@ def test_fresh_plans_and_does_everything_anew_and_compares(committed, piec, caps
 
 def test_a_tampered_record_shows_as_a_difference(committed, piec, capsys):
     record = read_records(committed / TOY / "records.jsonl")[0]
-    true = record["result"]["star"]
-    tamper(committed, TOY, f'"star":{true!r}', f'"star":{2 * true!r}')
+    true = record["result"]["area"]
+    tamper(committed, TOY, f'"area":{true!r}', f'"area":{2 * true!r}')
     code, document, _ = piec(TOY, "--fresh")
     assert code == 0 and document["studies"][TOY]["compared"]["differ"] == 1
     assert main(["reproduce", TOY, "--fresh"]) == 0
-    row = next(line for line in capsys.readouterr().out.splitlines() if "| star " in line)
+    row = next(line for line in capsys.readouterr().out.splitlines() if "| area " in line)
     assert "by 50 %" in row
     with open("runs/reproduce/eikonal-toy/comparison.csv", newline="", encoding="utf-8") as file:
         (differing,) = [row for row in csv.DictReader(file) if float(row["differs"]) > 0]
@@ -153,8 +153,8 @@ def test_what_was_edited_since_the_commit_is_not_taken_for_committed(committed, 
     for arguments in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "-m", "first"]):
         subprocess.run(["git", "-C", str(committed), *AUTHOR, *arguments], check=True, capture_output=True)
     true = committed_records(committed / TOY)
-    star = next(iter(true[0].values()))["result"]["star"]
-    tamper(committed, TOY, f'"star":{star!r}', '"star":1234.5')
+    star = next(iter(true[0].values()))["result"]["area"]
+    tamper(committed, TOY, f'"area":{star!r}', '"area":1234.5')
     code, _, errors = piec(TOY)
     assert code == 0 and "was edited since it was committed" in errors
     assert "1234.5" not in Path("runs/reproduce/eikonal-toy/table.csv").read_text()
