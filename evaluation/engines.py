@@ -9,9 +9,7 @@ bounded number of times; an exception of the work itself is raised here at once,
 from __future__ import annotations
 
 import os
-import pickle
 import time
-import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -20,8 +18,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from evaluation.jobs import POLL_SECONDS, RETRIES, say
+from evaluation.workers import answer, installed, value_of
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, as_count, check_name
-from piec_envs.versions import source, versions
 
 RAY_STORE = 100 * 2**20  # bytes; results are small, and Ray would take a third of the memory
 SLURM_FOLDER = "runs/slurm"
@@ -118,11 +116,11 @@ class _RayWorkers:
 
         self.limit = limit
         # retry_exceptions: what the work itself raises comes back as its answer and is not tried again
-        self._task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(_answer)
+        self._task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(answer)
 
     def submit(self, function: Callable, *args: Any) -> _RayFuture:
         """Start a task."""
-        return _RayFuture(self._task.remote(_installed(), function, *args).future())
+        return _RayFuture(self._task.remote(installed(), function, *args).future())
 
 
 class _RayFuture:
@@ -141,7 +139,7 @@ class _RayFuture:
             answer = self._future.result()
         except RayError as error:
             raise EngineError(f"Ray could not do a piece of work in {1 + RETRIES} tries: {error}") from error
-        return _value(answer)
+        return value_of(answer)
 
 
 @contextmanager
@@ -178,14 +176,14 @@ class _SlurmWorkers:
     def submit(self, function: Callable, *args: Any) -> _SlurmFuture:
         """Put a job into the queue; raises EngineError if Slurm takes none."""
         self._futures = [future for future in self._futures if not future.answer]
-        self._futures.append(_SlurmFuture(partial(self._send, _installed(), function, *args)))
+        self._futures.append(_SlurmFuture(partial(self._send, installed(), function, *args)))
         return self._futures[-1]
 
     def _send(self, *args: Any) -> Any:
         from submitit.core.utils import FailedJobError, FailedSubmissionError
 
         try:
-            return self._executor.submit(_answer, *args)
+            return self._executor.submit(answer, *args)
         except (FailedJobError, FailedSubmissionError) as error:  # such as a partition that there is not
             raise EngineError(f"Slurm takes no job: {error}") from error
 
@@ -245,48 +243,9 @@ class _SlurmFuture:
         while not self.done():
             time.sleep(POLL_SECONDS)
         try:
-            return _value(self.answer)
+            return value_of(self.answer)
         except UncompletedJobError as error:  # submitit raises it amid the work when the time is nearly up
             raise EngineError(f"a Slurm job needs more time, or the option timeout_min: {error}") from error
-
-
-def _installed() -> dict[str, str]:
-    """What workers must have as well: versions, and the suite's own sources."""
-    return {**versions(), "sources": source()["digest"]}
-
-
-def _answer(expected: Mapping[str, str], function: Callable, *args: Any) -> tuple[Any, Exception | None]:
-    """What workers run.
-
-    Args:
-        expected: `_installed` where the records are written, which say that the work was done with that.
-        function: what to call.
-        args: its arguments.
-
-    Returns:
-        The result and None, or None and what was raised: only lost workers look like failures to an engine.
-    """
-    here = _installed()
-    other = [f"{name} {here[name]} instead of {expected[name]}" for name in expected if here[name] != expected[name]]
-    if other:
-        return None, EngineError(f"a worker has other versions installed: {', '.join(other)}")
-    try:
-        return function(*args), None
-    except Exception as error:
-        text = traceback.format_exc()
-        error.add_note(f"in a worker:\n{text}")
-        try:
-            pickle.loads(pickle.dumps(error))
-        except Exception:  # not every exception crosses process borders
-            return None, RuntimeError(f"in a worker:\n{text}")
-        return None, error
-
-
-def _value(answer: Any) -> Any:
-    value, error = answer
-    if error is not None:
-        raise error
-    return value
 
 
 def _need(package: str, extra: str) -> None:

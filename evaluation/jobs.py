@@ -22,8 +22,9 @@ from typing import Any
 from tqdm import tqdm
 
 from evaluation.records import RecordFile, make_record, work_key
+from evaluation.reuse import current_ledger
 from piec_envs.errors import EngineError, InvalidParameterError, UnknownNameError
-from piec_envs.versions import source
+from piec_envs.sources import source
 
 POLL_SECONDS = 0.05  # between two looks at an executor's futures
 RETRIES = 3  # how often what a lost worker had in hand is begun anew
@@ -216,14 +217,24 @@ def run_recorded(
         progress: what the progress bar says; "" for none.
 
     Returns:
-        The records of `works`, in their order.
+        The records of `works`, in their order; those that `evaluation.reuse` keeps as committed are
+        taken from there, without a trace in the file.
     """
+    ledger, labels = current_ledger(), {work.key: work.label for work in works}
     with RecordFile(path) as file:
-        todo = {work.key: work for work in works if work.key not in file.records}
-        bar = tqdm(total=len(works), initial=len(works) - len(todo), desc=progress, disable=not progress, delay=0.5)
+        todo = {}
+        for work in works:
+            kind, kept = ("earlier", file.records) if work.key in file.records else ("taken", ledger.committed)
+            if work.key in kept:
+                ledger.note(work.key, work.label, kind, kept[work.key])
+            else:
+                todo[work.key] = work
+        bar = tqdm(total=len(labels), initial=len(labels) - len(todo), desc=progress, disable=not progress, delay=0.5)
         with bar:
             for work, result, seconds, made_by in _done(function, list(todo.values()), jobs, context):
                 file.append(make_record(work.spec, work.seed, result, seconds, made_by))
+                ledger.note(work.key, work.label, "done", file.records[work.key])
                 bar.set_postfix_str(work.label)
                 bar.update()
-        return [file.records[work.key] for work in works]
+        known = {**ledger.committed, **file.records}
+        return [known[work.key] for work in works]

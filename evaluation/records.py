@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from piec_envs.errors import RecordError
-from piec_envs.versions import source as current_source
+from piec_envs.files import replacing
+from piec_envs.sources import source as current_source
 from piec_envs.versions import versions
 
 try:
@@ -90,7 +91,7 @@ def make_record(
         seed: its seed.
         result: what came out, JSON values and NumPy arrays.
         seconds: how long it took.
-        source: the sources of the process that did it (`piec_envs.versions.source`); None is this process.
+        source: the sources of the process that did it (`piec_envs.sources.source`); None is this process.
     """
     return {
         "format": FORMAT,
@@ -102,6 +103,11 @@ def make_record(
         "versions": versions(),
         "source": dict(current_source() if source is None else source),
     }
+
+
+def parse_records(path: Path, data: bytes) -> list[dict[str, Any]]:
+    """Records in the contents of a file; `path` is what errors call it."""
+    return _parse(path, data)[0]
 
 
 def _parse(path: Path, data: bytes) -> tuple[list[dict[str, Any]], int]:
@@ -118,6 +124,11 @@ def _parse(path: Path, data: bytes) -> tuple[list[dict[str, Any]], int]:
             raise RecordError(f"{path}, line {number}, is no JSON: {line[:40]!r}...") from error
         if not isinstance(record, dict) or record.get("format") != FORMAT or any(n not in record for n in _FIELDS):
             raise RecordError(f"{path}, line {number}, is no record of format {FORMAT}: {line[:40]!r}...")
+        if record["key"] != work_key(record["spec"], record["seed"]):
+            raise RecordError(
+                f"{path}, line {number}: its key {record['key']!r} is not that of its spec and seed, so one of "
+                "them was edited"
+            )
         records.setdefault(record["key"], from_json(record))
     return list(records.values()), end
 
@@ -145,6 +156,22 @@ def read_records(path: str | os.PathLike) -> list[dict[str, Any]]:
         return []
     except OSError as error:
         raise RecordError(f"{path} cannot be read: {error}") from error
+
+
+def replace_records(path: Path, records: Sequence[Mapping[str, Any]]) -> None:
+    """Write a record file anew with these records alone, whole or not at all.
+
+    Raises:
+        RecordError: if another run writes the file.
+    """
+    with RecordFile(path), replacing(path) as file:
+        file.writelines(_line(record) for record in records)
+
+
+def _line(record: Mapping[str, Any]) -> bytes:
+    names = [*_FIELDS, *(name for name in _LATER if name in record)]
+    whole = {name: to_json(record[name]) for name in names}
+    return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
 class RecordFile:
@@ -190,9 +217,7 @@ class RecordFile:
         """
         if record["key"] in self.records:
             raise RecordError(f"{self.path} has a record with key {record['key']} already")
-        names = [*_FIELDS, *(name for name in _LATER if name in record)]
-        line = json.dumps({name: record[name] for name in names}, separators=(",", ":"), allow_nan=False)
-        self._file.write(line.encode() + b"\n")
+        self._file.write(_line(record))
         self._file.flush()
         os.fsync(self._file.fileno())
         self.records[record["key"]] = from_json(dict(record))

@@ -1,13 +1,33 @@
-"""Planners (CMA-ES over via points, rigid carrying), plan files and their policy; searches for enclosing postures."""
+"""Planners (CMA-ES over via points, rigid carrying), plan files and their policy; searches for enclosing postures.
 
-from piec_envs.episodes.posture import CagingProblem
-from planners.base import OpenLoopPolicy, Plan
-from planners.carry import RigidCarry
-from planners.cma_es import CmaEsPlanner
-from planners.configuration import CmaEsConfiguration, Configuration
-from planners.exhaustive import ExhaustiveConfiguration
-from planners.sqp import SqpConfiguration
+The names below load what they need at their first use: CMA-ES alone takes a second.
+"""
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from piec_envs.episodes.posture import CagingProblem
+    from planners.base import OpenLoopPolicy, Plan
+    from planners.carry import RigidCarry
+    from planners.cma_es import CmaEsPlanner
+    from planners.configuration import CmaEsConfiguration, Configuration
+    from planners.exhaustive import ExhaustiveConfiguration
+    from planners.sqp import SqpConfiguration
+
+_WHERE = {
+    "CagingProblem": "piec_envs.episodes.posture",
+    "CmaEsConfiguration": "planners.configuration",
+    "CmaEsPlanner": "planners.cma_es",
+    "Configuration": "planners.configuration",
+    "ExhaustiveConfiguration": "planners.exhaustive",
+    "OpenLoopPolicy": "planners.base",
+    "Plan": "planners.base",
+    "RigidCarry": "planners.carry",
+    "SqpConfiguration": "planners.sqp",
+}
 __all__ = [
     "CagingProblem",
     "CmaEsConfiguration",
@@ -19,3 +39,13 @@ __all__ = [
     "RigidCarry",
     "SqpConfiguration",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_WHERE[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -18,7 +18,7 @@ MAX_BODY_LINES = 50
 
 # Inside piec_envs a part may import parts of a lower layer and itself. Modules that stand directly
 # in the package (env, vector_env) and are not named here make up the layer ENV.
-SHARED = {"cache", "errors", "files", "kernels", "parallel", "versions"}  # importable from everywhere
+SHARED = {"cache", "errors", "files", "kernels", "parallel", "sources", "versions"}  # importable from everywhere
 LAYERS = {
     "world": 0,
     "geometry": 1,

@@ -18,7 +18,8 @@ from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, 
 from evaluation.bench.learning import rollout_collection
 from evaluation.bench.planning import franka_plan, full_plans, static_caging
 from piec_envs.parallel import available_threads
-from piec_envs.versions import source, versions
+from piec_envs.sources import source
+from piec_envs.versions import versions
 
 __all__ = ["QUICK", "Sizes", "run_bench"]
 

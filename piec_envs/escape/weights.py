@@ -22,7 +22,7 @@ from piec_envs.escape.features import feature_count
 from piec_envs.escape.perceptron import BLOCK
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
-from piec_envs.versions import source as current_source
+from piec_envs.sources import source as current_source
 from piec_envs.versions import versions as current_versions
 from piec_envs.world.robots import get_robot
 from piec_envs.world.scene import pack_scene

@@ -17,7 +17,7 @@ import numpy as np
 import piec_envs  # noqa: F401  registers the environments
 from piec_envs.errors import AgentError, InvalidObservationError, PiecError
 from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
-from piec_envs.versions import source as current_source
+from piec_envs.sources import source as current_source
 from piec_envs.versions import versions
 from planners.base import OpenLoopPolicy, realised_plan
 from planners.made_for import disturbed_kwargs, model_kwargs, task_kwargs

@@ -18,6 +18,7 @@ from evaluation.engines import ENGINES, open_engine
 from evaluation.jobs import Context, Work, call, run_jobs, run_recorded
 from evaluation.records import read_records
 from evaluation.studies import eikonal_toy
+from evaluation.workers import answer, installed
 from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, UnknownNameError
 from piec_envs.versions import install_command
 
@@ -179,11 +180,11 @@ def test_a_study_does_not_depend_on_the_engine(ray, tmp_path):
 
 
 def test_workers_with_other_versions_are_refused():
-    here = engines._installed()
-    assert engines._answer(here, max, 1, 2) == (2, None)
-    _, other = engines._answer({**here, "sources": "0" * 16}, max, 1, 2)
+    here = installed()
+    assert answer(here, max, 1, 2) == (2, None)
+    _, other = answer({**here, "sources": "0" * 16}, max, 1, 2)
     assert isinstance(other, EngineError) and "sources" in str(other)
-    value, error = engines._answer({**here, "numpy": "0.1"}, max, 1, 2)
+    value, error = answer({**here, "numpy": "0.1"}, max, 1, 2)
     assert value is None and isinstance(error, EngineError) and "instead of 0.1" in str(error)
 
 

@@ -9,7 +9,7 @@ import pytest
 from evaluation.jobs import Context, Work, function_name, resolve, run_jobs, run_recorded
 from evaluation.records import read_records, to_json
 from piec_envs.errors import InvalidParameterError, UnknownNameError
-from piec_envs.versions import source
+from piec_envs.sources import source
 
 WORKS = [Work({"n": n}, seed) for n in (3, 1) for seed in (0, 7)]
 

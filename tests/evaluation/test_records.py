@@ -15,7 +15,7 @@ import pytest
 from evaluation.jobs import Work, run_recorded
 from evaluation.records import RecordFile, from_json, make_record, read_records, to_json, work_key
 from piec_envs.errors import RecordError
-from piec_envs.versions import source
+from piec_envs.sources import source
 
 ROOT = Path(__file__).resolve().parents[2]
 

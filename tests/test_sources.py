@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from piec_envs.versions import SOURCES, git_state, source, source_digest
+from piec_envs.sources import SOURCES, git_state, source, source_digest
 
 ROOT = Path(__file__).resolve().parents[1]
 AUTHOR = ("-c", "user.name=Tester", "-c", "user.email=tester@example.org", "-c", "commit.gpgsign=false")
