@@ -13,6 +13,7 @@ from piec_envs.errors import InvalidStateError
 from piec_envs.world.robots import get_robot
 
 CONTROL_PERIOD = 0.1  # h, s
+POSITION_LIMIT = 10.0  # m from the origin along x and y, as far as observations reach; an object beyond has diverged
 TOUCH_DISTANCE = 1e-3  # m; links nearer than this count as in contact
 INERTIAS = ("paper", "own")  # how readily a model of first order turns the object; see `ContactModel.own_inertia`
 NO_MEMORY = np.zeros(0)  # of a row whose joints and object pose say everything
@@ -100,8 +101,8 @@ class Motion:
         contact: links in contact, shape (B, N + 1, links); at the start by distance alone.
         active: links that press on the object, or positive contact multipliers where the model has
             them, in each step, shape (B, N + 1); 0 at the start.
-        diverged: whether the simulation has become unstable; from then on the row rests in its last
-            good state, shape (B, N + 1).
+        diverged: whether the simulation has become unstable, its solver has found no answer, or none that can be
+            believed; from then on the row rests in its last good state, shape (B, N + 1).
         memory: what the dynamics needs beside joints and object pose to go on from the last state
             (velocities, say), one array for each row.
     """
@@ -115,6 +116,17 @@ class Motion:
     active: np.ndarray
     diverged: np.ndarray
     memory: list[np.ndarray]
+
+    def hold_diverged(self, failed: np.ndarray) -> None:
+        """Let rows rest from their first failed step on.
+
+        Args:
+            failed: whether there is no state to go on with, shape (B, N + 1).
+        """
+        if not np.count_nonzero(failed):  # quicker than any()
+            return
+        for row in np.flatnonzero(failed.any(axis=1)):
+            self.hold(int(row), int(failed[row].argmax()) - 1)
 
     def hold(self, rows: int | np.ndarray, t: int) -> None:
         """Let rows that have diverged rest in their state at time index t from then on."""

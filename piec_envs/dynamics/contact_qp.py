@@ -53,16 +53,18 @@ class ContactProblem:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """The step dq, shape (d,), and the multipliers lambda, shape (m,)."""
+    """The step dq, shape (d,), the multipliers lambda, shape (m,), and whether the solver says that they solve it."""
 
     step: np.ndarray
     multipliers: np.ndarray
+    solved: bool = True
 
 
 def solve_osqp(problem: ContactProblem) -> ContactSolution:
     """Solve with OSQP, set up afresh: the plain reference.
 
-    The slack is measured in units that make its weight equal to the largest entry of Q.
+    The slack is measured in units that make its weight equal to the largest entry of Q. Where OSQP finds no
+    solution its x is a large finite number: the step is then zero, and not `solved`.
     """
     import osqp
     from scipy import sparse
@@ -82,4 +84,6 @@ def solve_osqp(problem: ContactProblem) -> ContactSolution:
         eps_abs=1e-12, eps_rel=1e-12, max_iter=100_000,
     )  # fmt: skip
     result = solver.solve(raise_error=False)
+    if result.info.status_val not in (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE):
+        return ContactSolution(np.zeros(d), np.zeros(m), solved=False)
     return ContactSolution(result.x[:d], np.maximum(-result.y, 0.0))

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.dynamics.active_set import DualScratch, make_dual, solve_dual
-from piec_envs.dynamics.base import CONTROL_PERIOD, TOUCH_DISTANCE
+from piec_envs.dynamics.active_set import FAILED, DualScratch, make_dual, solve_dual
+from piec_envs.dynamics.base import CONTROL_PERIOD, POSITION_LIMIT, TOUCH_DISTANCE
 from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
 from piec_envs.geometry.distance import link_distances, make_pairs
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
@@ -16,6 +16,8 @@ from piec_envs.kernels import batch_kernel, kernel
 MASS_MATRIX = (0.1, 0.1, 0.042)  # M_o: the QP's regulariser, not a physical inertia
 REGULARISER = 10.0  # epsilon
 MARGIN_FACTOR = 1.5  # contacts nearer than this many times the largest motion of a step are kept
+SHORT_LEVER = 0.02  # m; at which joints can push an overlap out where nothing gives
+ROUNDING = 1e-6  # of the energy of a step
 
 
 class ContactModel(NamedTuple):
@@ -132,8 +134,47 @@ def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
 
 
 @kernel
+def is_physical(model, m, work, gain, push):
+    """Whether lead, displacement and push-out can bring a step: contacts alone bring none, but for overlaps.
+
+    The step d is the minimum of 1/2 |d - f|^2 + g(d), with f = `work.free` and g the cost of the slacks, so that
+    <d - f, d> <= g(0). A row's share of g(0) is gap^2 / (2 c), and c >= compliance / Q_x, since its part in the
+    object's x and y is at least 1. Without compliance <d - f, d> <= |d - f| |e| for every e that pushes the
+    overlaps out: we grant what the joints need at a short lever.
+
+    Args:
+        model: a `ContactModel`.
+        m: number of rows.
+        work: scratch in which the step was assembled.
+        gain: <d - f, d>, with <a, b> = a^T Q b.
+        push: <d - f, d - f>.
+    """
+    n, overlap, free, stiffest = work.weight.shape[0] - 3, 0.0, 0.0, 0.0
+    for i in range(m // 2):
+        gap = max(work.contacts.gap[i], -model.push_out)
+        if gap < 0.0:
+            overlap += gap * gap
+    for j in range(n + 3):
+        free += work.weight[j] * work.free[j] * work.free[j]
+    for j in range(n):
+        stiffest = max(stiffest, work.weight[j])
+    if model.compliance > 0.0:
+        bound = overlap * work.weight[n] / model.compliance  # of two rows for each contact
+    else:
+        granted = overlap + TOUCH_DISTANCE * TOUCH_DISTANCE if overlap > 0.0 else 0.0
+        bound = np.sqrt(push * granted * stiffest) / SHORT_LEVER
+    return gain <= bound + ROUNDING * (free + bound) + ROUNDING * ROUNDING  # not if it is not a number
+
+
+@kernel
+def is_within_bounds(pose):
+    """Whether an object is where observations reach; what is not finite is not."""
+    return abs(pose[0]) <= POSITION_LIMIT and abs(pose[1]) <= POSITION_LIMIT and abs(pose[2]) < np.inf
+
+
+@kernel
 def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
-    """Solve the QP and integrate; returns the number of positive multipliers."""
+    """Solve the QP and integrate; returns the number of positive multipliers, FAILED where no answer is to be had."""
     n = q_cmd.shape[0]
     for k in range(touched.shape[0]):
         touched[k] = False
@@ -145,18 +186,23 @@ def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
             active = solve_dual(work.rows, m, model.compliance, work.value, calm, work.dual)
             break
     passive, multipliers = work.dual.passive, work.dual.multipliers
+    gain, pushed = 0.0, 0.0
     for j in range(n + 3):
-        push = 0.0
+        force = 0.0
         for i in range(active):
-            push += work.rows[passive[i], j] * multipliers[passive[i]]
-        push /= work.weight[j]
+            force += work.rows[passive[i], j] * multipliers[passive[i]]
+        push = force / work.weight[j]
+        gain += force * (work.free[j] + push)
+        pushed += force * push
         if j < n:
             new_q[j] = q_cmd[j] + push  # q + dq with dq = (q_cmd - q) + K^-1 A^T lambda
         else:
             new_pose[j - n] = pose[j - n] + (work.free[j] + push)
     for i in range(active):
         touched[work.contacts.link[passive[i] // 2]] = True
-    return active
+    if not gain <= 0.0 and not is_physical(model, m, work, gain, pushed):
+        return FAILED
+    return active if is_within_bounds(new_pose) else FAILED
 
 
 @kernel
@@ -190,6 +236,8 @@ def _rollout_row(scene, model, values, absolute, displacement, friction, work, m
         advance_command(scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1])
         m = assemble(scene, model, friction, q_r[t], q_cmd[t + 1], here, w_x, w_y, work)
         active[t + 1] = _solve_and_move(model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1])
+        if active[t + 1] == FAILED:
+            break
         place(scene, q_r[t + 1], here, work, distance[t + 1])
         _touch(distance[t + 1], contact[t + 1])
 
@@ -205,7 +253,8 @@ def rollout_rows(lo, hi, rows, scene, model, values, absolute, displacement, fri
         model: a `ContactModel`.
         values, absolute, displacement: as in `Commands`; displacement may have no steps.
         friction: mu of every row, shape (B,).
-        motion: a `Motion`'s arrays as a tuple, filled in place.
+        motion: a `Motion`'s arrays as a tuple, filled in place as far as a row goes: `active` is FAILED at a step
+            that has no answer, or none to be believed, and the row ends there.
     """
     q_r, q_cmd, pose, actions, distance, contact, active = motion
     work = make_workspace(scene, model)

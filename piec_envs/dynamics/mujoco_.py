@@ -104,8 +104,7 @@ class MujocoDynamics:
                 measure_motion_rows, len(rows), 1 if batch * steps < SMALL_BATCH else self.threads, rows, scene,
                 motion.q_r, motion.pose, motion.link_distance, motion.contact, motion.active,
             )  # fmt: skip
-        for row in np.flatnonzero(motion.diverged[:, -1]):
-            motion.hold(int(row), int(motion.diverged[row].argmax()) - 1)
+        motion.hold_diverged(motion.diverged)
         return motion
 
 

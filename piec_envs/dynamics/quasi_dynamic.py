@@ -72,22 +72,12 @@ class QuasiDynamics:
                 SOLVERS[self.solver], len(rows), threads, rows, scene, model,
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
-        _hold_diverged(motion)
+        motion.hold_diverged(motion.active < 0)  # FAILED
         return motion
 
     def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
         """The pose itself: the first steps push an overlap out."""
         return pose, [NO_MEMORY] * len(pose)
-
-
-def _hold_diverged(motion: Motion) -> None:
-    """Let rows rest that a rigid model (no compliance) has thrown out of all bounds: what is not finite stays so."""
-    if np.isfinite(motion.pose[:, -1].sum() + motion.q_r[:, -1].sum()):  # one look that tells of all rows
-        return
-    thrown = ~(np.isfinite(motion.pose[:, -1]).all(axis=1) & np.isfinite(motion.q_r[:, -1]).all(axis=1))
-    for row in np.flatnonzero(thrown):
-        finite = np.isfinite(motion.pose[row]).all(axis=1) & np.isfinite(motion.q_r[row]).all(axis=1)  # (N + 1,)
-        motion.hold(int(row), int(finite.argmin()) - 1)
 
 
 def check_first_order(object_name: str, delay: float) -> None:

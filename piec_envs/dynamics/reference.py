@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from piec_envs.dynamics.active_set import FAILED
 from piec_envs.dynamics.base import TOUCH_DISTANCE
 from piec_envs.dynamics.contact_qp import ContactProblem, solve_osqp
-from piec_envs.dynamics.contact_step import advance_command, assemble, make_workspace, place
+from piec_envs.dynamics.contact_step import (
+    advance_command,
+    assemble,
+    is_physical,
+    is_within_bounds,
+    make_workspace,
+    place,
+)
 
 
 def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
@@ -30,6 +38,9 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
             )
             problem = assemble_problem(scene, model, friction[i], q_r[i, t], q_cmd[i, t + 1], here, w, work)
             solution = solve_osqp(problem)
+            if not _is_believable(model, problem, solution, here, work):
+                active[i, t + 1] = FAILED
+                break
             pushed = solution.multipliers > 1e-9
             q_r[i, t + 1] = q_r[i, t] + solution.step[:n]
             pose[i, t + 1] = here + solution.step[n:]
@@ -37,6 +48,14 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
             place(scene, q_r[i, t + 1], pose[i, t + 1], work, distance[i, t + 1])
             contact[i, t + 1] = distance[i, t + 1] <= TOUCH_DISTANCE
             contact[i, t + 1, work.contacts.link[np.flatnonzero(pushed) // 2]] = True
+
+
+def _is_believable(model, problem, solution, pose, work) -> bool:
+    """Whether the step is an answer that lead, displacement and push-out can bring, to a place within bounds."""
+    moved = solution.step - problem.free  # by the contacts
+    gain, push = (float((problem.weight * moved) @ other) for other in (solution.step, moved))
+    physical = is_physical(model, len(problem.gap), work, gain, push)
+    return solution.solved and physical and is_within_bounds(pose + solution.step[-3:])
 
 
 def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=None) -> ContactProblem:
