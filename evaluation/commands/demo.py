@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from evaluation.commands import Report
+from evaluation.commands.stages import Stages
 
 NOTE = """\
 Open-loop plans of three objectives, same task and same budget, while the object is displaced in every
@@ -27,6 +29,8 @@ class Budget:
         protocol: how the plans are disturbed.
         episodes: rollouts of each plan.
         frames: of the animation, about.
+        seconds: that planning for one objective, executing all plans, and drawing the picture and the
+            animation take on two cores.
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
@@ -34,13 +38,14 @@ class Budget:
     protocol: str = "disturbance-5mm"
     episodes: int = 100
     frames: int = 100
+    seconds: tuple[float, float, float, float] = (25.0, 6.0, 4.0, 15.0)
 
     @classmethod
     def smoke(cls) -> Budget:
         """As small as it gets, to see that everything runs."""
         from evaluation.studies.common import SMOKE_PLANNER
 
-        return cls(planner=SMOKE_PLANNER, episodes=2, frames=3)
+        return cls(planner=SMOKE_PLANNER, episodes=2, frames=3, seconds=(1.0, 1.0, 4.0, 2.0))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,21 +66,38 @@ def run(args: argparse.Namespace) -> Report:
     from evaluation.tables import markdown, write_table
 
     budget = Budget.smoke() if args.smoke else Budget()
-    study = StudyRun(args.out, (args.seed,), budget.episodes, cache=args.out)
+    quiet = getattr(args, "quiet", False)
+    study = StudyRun(args.out, (args.seed,), budget.episodes, progress=not quiet, cache=args.out)
     cases = mode_cases(budget.objectives, budget.planner, {})
-    study.plan(cases)
-    results = [result for (result,) in study.evaluate(cases, budget.protocol)]
+    plannings = [f"planning for {case.label}" for case in cases]
+    steps = f"executing each plan {budget.episodes} times", "drawing the picture", "drawing the animation"
+    expected = [*[budget.seconds[0]] * len(cases), *budget.seconds[1:]]
+    stages = Stages(dict(zip([*plannings, *steps], expected, strict=True)), quiet, partial(_recorded, args.out))
+    for case, planning in zip(cases, plannings, strict=True):
+        with stages.stage(planning, recorded=True):
+            study.plan([case])
+    with stages.stage(steps[0], recorded=True):
+        results = [result for (result,) in study.evaluate(cases, budget.protocol)]
     rows = [_row(case.title, result) for case, result in zip(cases, results, strict=True)]
     plant = plant_in_force(PUSH, get_protocol(budget.protocol).env_kwargs())
     above = f"Plant of all plans: {plant_line(plant)}\n"
     paths = write_table(args.out, rows, f"Demo: {budget.protocol}", NOTE, above=above)
-    drawn = first_trajectories(study, cases, budget.protocol)
-    paths.append(overview(drawn, args.out / "overview.png"))
-    every = max(1, drawn[0].steps // budget.frames)
-    paths.append(animate_rollouts(drawn, args.out / "animation.gif", every=every))
+    with stages.stage(steps[1]):
+        drawn = first_trajectories(study, cases, budget.protocol)
+        paths.append(overview(drawn, args.out / "overview.png"))
+    with stages.stage(steps[2]):
+        every = max(1, drawn[0].steps // budget.frames)
+        paths.append(animate_rollouts(drawn, args.out / "animation.gif", every=every))
+    stages.end()
     data = {"protocol": budget.protocol, "plant": plant, "results": dict(zip(budget.objectives, results, strict=True))}
     wrote = [*paths, args.out / "records.jsonl", args.out / "plans"]
     return Report(markdown(rows, notes=NOTE, above=above), data, wrote)
+
+
+def _recorded(folder: Path) -> int:
+    """How many pieces of work the demo's records hold."""
+    file = folder / "records.jsonl"
+    return len(file.read_bytes().splitlines()) if file.is_file() else 0
 
 
 def _row(title: str, result: Mapping[str, Any]) -> dict[str, Any]:
