@@ -12,6 +12,7 @@ from evaluation.commands import Report, settings
 from evaluation.commands.sources import add_plant_arguments, load_sources
 from evaluation.studies import PUSH
 from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.files import why_unreadable
 from piec_envs.registration import ENVS
 
 
@@ -60,7 +61,8 @@ def _state(text: str) -> dict[str, Any]:
         path = Path(text)
         value = json.loads(text if text.lstrip().startswith("{") else path.read_text(encoding="utf-8"))
     except (ValueError, OSError) as error:
-        raise InvalidParameterError(f"--state takes a JSON object or a file with one, got {text!r}: {error}") from error
+        why = why_unreadable(text, "JSON object", error) if isinstance(error, OSError) else error
+        raise InvalidParameterError(f"--state takes a JSON object or a file with one, got {text!r}: {why}") from error
     if not isinstance(value, dict):
         raise InvalidParameterError(f"--state takes a JSON object, got {value!r}")
     return value

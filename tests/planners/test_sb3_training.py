@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from evaluation import evaluate
-from piec_envs.errors import AgentError, InvalidObservationError, InvalidParameterError, UnknownNameError
+from piec_envs.errors import AgentError, InvalidObservationError
 
 pytest.importorskip("stable_baselines3")
 
@@ -264,72 +264,8 @@ def test_agents_that_are_broken_or_foreign_are_refused(trained, tmp_path):
         agent.check_fits(PUSH, one.observation_space, gym.spaces.Box(-1, 1, (5,)))
 
 
-def test_goal_conditioned_agents_learn_from_hindsight(tmp_path):
-    hyper = {**OFF, "replay_buffer_class": "HerReplayBuffer", "replay_buffer_kwargs": {"n_sampled_goal": 2}}
-    env = {**ENV, "goal_conditioned": True}
-    agent = train(TrainSpec(PUSH, "sac", 60, 1, 2, env, hyper, evaluations=2, eval_episodes=2), tmp_path, False)
-    assert agent.task_kwargs == {"goal_conditioned": True}
-    agent = Agent.load(tmp_path / "agent.zip")
-    rows = evaluate(AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None})
-    np.testing.assert_allclose(open_loop(agent).plan.path, rows.q_r[0], atol=1e-9)
-
-
 @pytest.mark.parametrize("algo", SPECS)
 def test_policies_carry_nothing_compiled(algo, trained, carried):
     agent = Agent.load(trained[algo][1] / "agent.zip")
     for policy in (AgentPolicy(agent), open_loop(agent)):
         assert not carried(policy)[0]
-
-
-@pytest.mark.parametrize("normalize", [True, "dict(norm_reward=False)", {"norm_obs_keys": ["observation"]}], ids=str)
-def test_normalising_leaves_the_goals_of_hindsight_as_they_are(normalize, tmp_path):
-    hyper = {**OFF, "replay_buffer_class": "HerReplayBuffer", "normalize": normalize}
-    env = {**ENV, "goal_conditioned": True, "object": "circle"}
-    spec = TrainSpec(PUSH, "sac", 60, 1, 2, env, hyper, evaluations=2, eval_episodes=2)
-    model = trainings.Training(spec, tmp_path, model_arguments(spec)).model
-    model.learn(60)
-    normalised = model.get_vec_normalize_env()
-    batches = []
-    for venv in (None, normalised):
-        model.set_random_seed(0)  # of NumPy too, from which SB3's buffer draws
-        batches.append(model.replay_buffer.sample(200, env=venv))
-    plain, scaled = batches
-    for name in ("achieved_goal", "desired_goal"):
-        assert (plain.observations[name] == scaled.observations[name]).all()
-    assert len(np.unique(scaled.observations["desired_goal"].numpy(), axis=0)) > 10
-    assert (plain.observations["observation"] != scaled.observations["observation"]).any()
-    raw = {name: np.ones((1, *space.shape)) for name, space in normalised.observation_space.items()}
-    seen, expected = trainings.normalise(raw, trainings.statistics_of(normalised)), normalised.normalize_obs(raw)
-    for name in raw:
-        np.testing.assert_allclose(seen[name], expected[name], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"env_id": "piec_envs/PlanarArmCage-v0"}, UnknownNameError, "PlanarArmPush"),
-        ({"algo": "ppp"}, UnknownNameError, "Did you mean 'ppo'"),
-        ({"timesteps": 0}, InvalidParameterError, "timesteps"),
-        ({"seed": -1}, InvalidParameterError, "seed"),
-        ({"seed": 2**31 - 1}, InvalidParameterError, "seed"),
-        ({"hyper": {"batch_size": "many"}}, InvalidParameterError, "Stable-Baselines3 refuses the hyper-parameters"),
-        ({"hyper": {"normalize": {"luck": 1}}}, InvalidParameterError, "refuses normalize: .*luck"),
-        ({"env_kwargs": {"object": object}}, InvalidParameterError, "JSON"),
-        ({"env_kwargs": {"luck": 1}}, UnknownNameError, "luck"),
-        ({"hyper": {"n_stepps": 3}}, UnknownNameError, "Did you mean 'n_steps'"),
-        ({"hyper": {"learning_rate": "fast"}}, InvalidParameterError, "lin_3e-4"),
-        ({"hyper": {"policy_kwargs": "dict(net_arch=__import__('os'))"}}, InvalidParameterError, "literals"),
-        ({"hyper": {"policy_kwargs": "dict(activation_fn=nn.functional)"}}, InvalidParameterError, "literals"),
-        ({"hyper": {"normalize": 3}}, InvalidParameterError, "normalize"),
-        (
-            {"hyper": {"normalize": {"norm_obs_keys": ["desired_goal"]}}, "env_kwargs": {"goal_conditioned": True}},
-            InvalidParameterError,
-            "norm_obs_keys may be .'observation'. alone",
-        ),
-    ],
-    ids=str,
-)
-def test_bad_specs_are_refused(changes, error, message, tmp_path):
-    with pytest.raises(error, match=message):
-        train(dataclasses.replace(SPECS["ppo"], **changes), tmp_path, progress=False)
-    assert not list(tmp_path.iterdir())  # the same folder takes the corrected spec
