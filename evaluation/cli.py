@@ -1,8 +1,8 @@
 """The command line `piec`.
 
 Every command ends with where it wrote its results. With --json the standard output is one JSON
-document; progress and messages go to the standard error. Exit codes: 0 done, 2 bad input, 130
-interrupted.
+document; progress and messages go to the standard error, bars only if it is a terminal, and neither
+with --quiet. Exit codes: 0 done, 2 bad input, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -10,13 +10,33 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from evaluation.commands import COMMANDS, Command, Report
+from evaluation.commands import COMMANDS, Command, Interrupted, Report
+from piec_envs import __version__
+from piec_envs.console import VARIABLE
 from piec_envs.errors import PiecError
 
 EPILOG = "piec COMMAND --help shows an example of each command."
+
+
+QUIET = "no progress and no notes, only results and errors"
+
+
+class _Version(argparse.Action):
+    """Looks for the commit only if asked."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str | None = None):
+        super().__init__(option_strings, dest, nargs=0, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from evaluation.reuse import commit_of
+        from piec_envs.sources import source
+
+        print(f"piec-envs {__version__} ({commit_of({'source': source()})})")
+        parser.exit()
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -26,6 +46,8 @@ def make_parser() -> argparse.ArgumentParser:
         description="Whole-arm caging: plan, disturb, measure, draw.",
         epilog=EPILOG,
     )
+    parser.add_argument("--version", action=_Version, help="print version and commit, and exit")
+    parser.add_argument("--quiet", action="store_true", help=QUIET)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in COMMANDS.values():
         _add_command(commands, command)
@@ -42,6 +64,8 @@ def _add_command(commands, command: Command) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--json", action="store_true", help="print one JSON document on the standard output")
+    # Before and behind the command; the default there must not undo what stands here.
+    parser.add_argument("--quiet", action="store_true", default=argparse.SUPPRESS, help=QUIET)
     command.load().add_arguments(parser)
 
 
@@ -69,19 +93,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     args = make_parser().parse_args(arguments)
     try:
-        with contextlib.redirect_stdout(sys.stderr):  # whatever is printed on the way is no result
-            report = COMMANDS[args.command].load().run(args)
+        with contextlib.redirect_stdout(sys.stderr), _quiet(args.quiet):  # what is printed on the way is no result
+            report = _run(args)
     except (PiecError, OSError) as error:
         message = " ".join(str(error).split())
-        print(f"piec {args.command}: error: {message}", file=sys.stderr)
-        if args.json:
-            print(json.dumps({"error": message}))
-        return 2
-    except KeyboardInterrupt:
-        print(f"piec {args.command}: interrupted; what is recorded is kept", file=sys.stderr)
-        return 130
+        return _fail(args, f"error: {message}", message, 2)
+    except KeyboardInterrupt as error:
+        message = str(error) if isinstance(error, Interrupted) else f"interrupted; {_kept(args)}"
+        return _fail(args, message, message, 130)
     _print(report, args.json)
     return 0
+
+
+def _run(args: argparse.Namespace) -> Report:
+    from evaluation.commands.outputs import check_outputs
+
+    check_outputs(args)  # before the work, not after it
+    return COMMANDS[args.command].load().run(args)
+
+
+def _kept(args: argparse.Namespace) -> str:
+    from evaluation.commands.kept import kept_by
+
+    return kept_by(args)
+
+
+def _fail(args: argparse.Namespace, said: str, message: str, code: int) -> int:
+    print(f"piec {args.command}: {said}", file=sys.stderr)
+    if args.json:
+        print(json.dumps({"error": message}))
+    return code
+
+
+@contextlib.contextmanager
+def _quiet(wanted: bool) -> Iterator[None]:
+    """Through the environment, so that workers are quiet as well."""
+    before = os.environ.get(VARIABLE)
+    if wanted:
+        os.environ[VARIABLE] = "1"
+    try:
+        yield
+    finally:
+        if wanted and before is None:
+            del os.environ[VARIABLE]
+        elif wanted and before is not None:
+            os.environ[VARIABLE] = before
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from evaluation.records import RecordFile, make_record, work_key
 from evaluation.reuse import current_ledger
+from piec_envs.console import no_bar
 from piec_envs.errors import EngineError, InvalidParameterError, UnknownNameError
 from piec_envs.sources import source
 
@@ -229,12 +230,14 @@ def run_recorded(
                 ledger.note(work.key, work.label, kind, kept[work.key])
             else:
                 todo[work.key] = work
-        bar = tqdm(total=len(labels), initial=len(labels) - len(todo), desc=progress, disable=not progress, delay=0.5)
+        bar = tqdm(
+            total=len(labels), initial=len(labels) - len(todo), desc=progress, disable=no_bar(bool(progress)), delay=0.5
+        )
         with bar:
             for work, result, seconds, made_by in _done(function, list(todo.values()), jobs, context):
                 file.append(make_record(work.spec, work.seed, result, seconds, made_by))
                 ledger.note(work.key, work.label, "done", file.records[work.key])
                 bar.set_postfix_str(work.label)
                 bar.update()
-        known = {**ledger.committed, **file.records}
-        return [known[work.key] for work in works]
+        all_records = {**ledger.committed, **file.records}
+        return [all_records[work.key] for work in works]

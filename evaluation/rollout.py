@@ -13,6 +13,7 @@ import piec_envs  # noqa: F401  registers the environments
 from evaluation.outcome import Evaluation
 from evaluation.plants import NOT_IN_SPEC, as_policy, base_kwargs, check_suits, chosen_id, source_of
 from evaluation.protocols import get_protocol, is_random
+from piec_envs.console import no_bar
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.info import batch_info
 from piec_envs.episodes.tasks import MEASURES
@@ -153,7 +154,7 @@ def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict
     _write(arrays, batch, 0)
     state, first = None, np.ones(len(seeds), dtype=bool)
     diverged = np.zeros(len(seeds), dtype=bool)
-    for t in tqdm(range(1, steps + 1), desc=label, unit="step", disable=not label, delay=1.0, leave=False):
+    for t in tqdm(range(1, steps + 1), desc=label, unit="step", disable=no_bar(bool(label)), delay=1.0, leave=False):
         action, state = predict(observation, state=state, episode_start=first, deterministic=True)
         observation, *_ = envs.step(np.asarray(action))
         _write(arrays, batch, t)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from planners.cma_es import CmaEsPlanner
     from planners.configuration import CmaEsConfiguration, Configuration
     from planners.exhaustive import ExhaustiveConfiguration
+    from planners.interrupted import PlanningInterrupted
     from planners.sqp import SqpConfiguration
 
 _WHERE = {
@@ -25,6 +26,7 @@ _WHERE = {
     "ExhaustiveConfiguration": "planners.exhaustive",
     "OpenLoopPolicy": "planners.base",
     "Plan": "planners.base",
+    "PlanningInterrupted": "planners.interrupted",
     "RigidCarry": "planners.carry",
     "SqpConfiguration": "planners.sqp",
 }
@@ -36,6 +38,7 @@ __all__ = [
     "ExhaustiveConfiguration",
     "OpenLoopPolicy",
     "Plan",
+    "PlanningInterrupted",
     "RigidCarry",
     "SqpConfiguration",
 ]

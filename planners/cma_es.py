@@ -11,6 +11,7 @@ import cma
 import numpy as np
 from tqdm import tqdm
 
+from piec_envs.console import no_bar
 from piec_envs.episodes.batch import EpisodeBatch
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.state import State
@@ -22,6 +23,7 @@ from piec_envs.registration import check_motion
 from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
 from planners.configuration import enclosing_posture
+from planners.interrupted import PlanningInterrupted
 from planners.objectives import Objective, PathCost, get_objective
 from planners.strategy import NOISE_STREAM, make_strategy
 from planners.via_points import ViaPointTrajectory
@@ -124,8 +126,15 @@ class CmaEsPlanner:
         nominal["escape_field"] = batch.config.escape_field  # by name, not as "auto"
         search = _Search(self, batch, start, disturbed_samples(config, self, seed), seed)
         total = self.iterations + self.robust_iterations + 1
-        with tqdm(total=total, desc=f"planning {self.objective}", disable=not progress, leave=False) as bar:
-            search.run(bar)
+        with tqdm(total=total, desc=f"planning {self.objective}", disable=no_bar(progress), leave=False) as bar:
+            try:
+                search.run(bar)
+            except KeyboardInterrupt as interrupt:
+                search.found = search.tried
+                if search.found:
+                    plan = search.best_plan(env_id, nominal)
+                    raise PlanningInterrupted(plan, search.iterations, total - 1) from interrupt
+                raise
         return search.best_plan(env_id, nominal)
 
     def _nominal_kwargs(self, env_kwargs: dict[str, Any]) -> dict[str, Any]:
@@ -158,12 +167,19 @@ class _Search:
     samples: State
     seed: int
     found: list[tuple[float, np.ndarray]] = field(default_factory=list)  # (cost, via points) per restart
+    begun: list[list[tuple[float, np.ndarray]]] = field(default_factory=list)  # the same of every stage, as it goes
+    iterations: int = 0
 
     def __post_init__(self):
         self.trajectory = ViaPointTrajectory(self.planner.via_points, self.batch.task.horizon)
         self.lower = self.batch.robot.joint_array("lower")
         self.upper = self.batch.robot.joint_array("upper")
         self.cost = PathCost(self.batch, self.start)
+
+    @property
+    def tried(self) -> list[tuple[float, np.ndarray]]:
+        """The best of every search so far, that of a search in progress too."""
+        return [pair for best in self.begun for pair in best if np.isfinite(pair[0])]
 
     def run(self, bar: tqdm) -> None:
         """Search on the nominal model, then polish the best result under noise."""
@@ -199,6 +215,7 @@ class _Search:
     def _iterate(self, strategies, iterations: int, cost, bar: tqdm) -> list:
         """Ask and tell all strategies in step; returns each one's best (cost, via points)."""
         best: list[tuple[float, np.ndarray]] = [(np.inf, np.zeros(0))] * len(strategies)
+        self.begun.append(best)
         size = self.planner.population
         for _ in range(iterations):
             asked = [strategy.ask() for strategy in strategies]
@@ -210,6 +227,7 @@ class _Search:
                 least = int(np.argmin(values))
                 if values[least] < best[i][0]:
                     best[i] = (float(values[least]), np.asarray(candidates[least]))
+            self.iterations += 1
             bar.update()
             bar.set_postfix(cost=f"{min(cost for cost, _ in best):.4g}")
         return best

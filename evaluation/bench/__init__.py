@@ -17,6 +17,7 @@ from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
 from evaluation.bench.learning import rollout_collection
 from evaluation.bench.planning import franka_plan, full_plans, static_caging
+from piec_envs.console import no_bar
 from piec_envs.parallel import available_threads
 from piec_envs.sources import source
 from piec_envs.versions import versions
@@ -51,7 +52,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "MuJoCo": mujoco_steps,
     }
     rows: list[Row] = []
-    with tqdm(benchmarks.items(), disable=not progress, desc="bench") as bar:
+    with tqdm(benchmarks.items(), disable=no_bar(progress), desc="bench") as bar:
         for name, benchmark in bar:
             bar.set_postfix_str(name)
             rows += benchmark(sizes)

@@ -19,6 +19,10 @@ from evaluation.engines import ENGINES, open_engine
 from piec_envs.errors import InvalidParameterError, check_name
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C in a command that knows best what it keeps, and says so."""
+
+
 @dataclass(frozen=True)
 class Report:
     """What a command has to say.

@@ -7,14 +7,13 @@ import json
 from pathlib import Path
 
 from evaluation.commands import Report
+from evaluation.commands.outputs import bench_out
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("--quick", action="store_true", help="small sizes and few repetitions, to see that it runs")
-    parser.add_argument(
-        "--out", type=Path, help="file to write (default: results/bench.json, with --quick runs/bench.json)"
-    )
+    parser.add_argument("--out", type=Path, help="file to write, with a table beside it (default: runs/bench.json)")
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -24,7 +23,7 @@ def run(args: argparse.Namespace) -> Report:
     from evaluation.tables import markdown, write_atomic
 
     results = run_bench(QUICK if args.quick else Sizes(), progress=True)
-    out = args.out or Path("runs" if args.quick else "results") / "bench.json"
+    out = bench_out(args)
     table = markdown(results["rows"])
     machine = f"{results['machine']['cores']} cores, {results['machine']['architecture']}"
     paths = [

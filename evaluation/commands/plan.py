@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from evaluation.commands import Report, fit_settings, settings
+from evaluation.commands import Interrupted, Report, fit_settings, settings
+from evaluation.commands.outputs import plan_out
 from evaluation.studies import PUSH
 
 
@@ -27,12 +28,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Plan and save."""
     from evaluation.plants import plant_in_force, plant_line
-    from planners import CmaEsPlanner
+    from planners import CmaEsPlanner, PlanningInterrupted
 
     own = {"objective": args.objective, "preset": args.preset, **settings(args.planner)}
     own = fit_settings("planner", own, CmaEsPlanner())
-    plan = CmaEsPlanner(**own).plan(args.env, seed=args.seed, **settings(args.set))
-    out = plan.save(args.out or Path("runs", "plans", f"{args.objective}-seed{args.seed}.npz"))
+    out = plan_out(args)
+    try:
+        plan = CmaEsPlanner(**own).plan(args.env, seed=args.seed, **settings(args.set))
+    except PlanningInterrupted as stopped:
+        kept = stopped.plan.save(out.with_name(f"{out.stem}-interrupted.npz") if out.exists() else out)
+        raise Interrupted(
+            f"interrupted after {stopped.iterations} of {stopped.total} iterations; the best plan so far is kept in "
+            f"{kept}, and the same command plans from the beginning"
+        ) from stopped
+    plan.save(out)
     distance, d2g = plan.nominal["goal_distance"], plan.nominal["d2g"]
     place = "inside the goal region" if d2g == 0 else f"{d2g:.3f} m outside the goal region"
     model = plant_in_force(plan.env_id, plan.env_kwargs)

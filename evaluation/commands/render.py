@@ -11,6 +11,7 @@ from typing import Any
 from evaluation.commands import Report, settings
 from evaluation.commands.sources import add_plant_arguments, load_sources
 from evaluation.studies import PUSH
+from piec_envs.console import no_bar
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.files import why_unreadable
 from piec_envs.registration import ENVS
@@ -102,7 +103,7 @@ def _frames(
     observation, info = env.reset(seed=args.seed)
     every = max(1, made.horizon // args.frames)
     yield env.render()
-    for step in trange(1, made.horizon + 1, desc="drawing", unit="step", leave=False):
+    for step in trange(1, made.horizon + 1, desc="drawing", unit="step", leave=False, disable=no_bar()):
         action, held = policy.predict(observation, state=held)
         observation, _, _, _, info = env.step(action)
         if step % every == 0 or step == made.horizon:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.commands import Report, settings
+from evaluation.commands.outputs import train_out
 from piec_envs.errors import as_count
 
 
@@ -39,7 +40,7 @@ def run(args: argparse.Namespace) -> Report:
 
     torch.set_num_threads(as_count("threads", args.threads))
     spec = default_spec(args.env, args.algo, args.seed, args.steps, settings(args.set), settings(args.hyper))
-    folder = args.out or Path("runs/train") / f"{args.env.rpartition('/')[2]}-{args.algo}-seed{args.seed}"
+    folder = train_out(args)
     agent = train(spec, folder, progress=True)
     last = agent.evaluation
     file = folder / "agent.zip"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.commands import Report, fit_settings, settings
+from evaluation.commands.outputs import field_out
 from piec_envs.errors import as_count
 
 
@@ -33,7 +34,7 @@ def run(args: argparse.Namespace) -> Report:
     get_robot(args.robot)
     recipe = get_recipe(args.recipe)
     recipe = dataclasses.replace(recipe, **fit_settings("recipe", settings(args.set), recipe))
-    file = args.out / f"{args.robot}-{args.recipe}.npz"
+    file = field_out(args)
     if args.threads is not None:
         _use_threads(args.threads)
     weights = train_field(recipe, args.robot, args.seed, file, args.device, args.threads)

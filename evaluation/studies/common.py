@@ -19,6 +19,7 @@ from evaluation.protocols import get_protocol
 from evaluation.studies import PUSH
 from evaluation.studies.work import drawn_evaluation, evaluation_spec, get_plan, plan_file, plan_spec
 from evaluation.tables import Rates, Spread
+from piec_envs.console import no_bar
 from planners import Plan
 
 PLANNER_SEEDS = (0, 1, 2, 3, 4)
@@ -135,7 +136,7 @@ class StudyRun:
 
     def draw(self, *drawings: Callable[[], Path]) -> list[Path]:
         """Make figures one after the other; returns their files."""
-        return [draw() for draw in tqdm(drawings, "drawing", disable=not self.progress, leave=False, delay=0.5)]
+        return [draw() for draw in tqdm(drawings, "drawing", disable=no_bar(self.progress), leave=False, delay=0.5)]
 
     def _run(self, works: list[Work], label: str) -> list[dict[str, Any]]:
         file = self.out_dir / "records.jsonl"

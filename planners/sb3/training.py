@@ -16,6 +16,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tqdm import tqdm
 
+from piec_envs.console import no_bar
 from piec_envs.errors import AgentError, InvalidParameterError
 from piec_envs.files import replacing
 from planners.sb3.agent import Agent
@@ -144,7 +145,7 @@ class Training:
         self._clock = time.perf_counter()
         left = self.spec.timesteps - self.model.num_timesteps
         with tqdm(
-            total=self.spec.timesteps, initial=self.model.num_timesteps, disable=not progress, unit="step",
+            total=self.spec.timesteps, initial=self.model.num_timesteps, disable=no_bar(progress), unit="step",
             unit_scale=True, delay=0.5, desc=f"{self.spec.algo} on {self.spec.env_id}",
         ) as bar:  # fmt: skip
             if left > 0:

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from piec_envs.console import no_bar
 from piec_envs.errors import InvalidParameterError, as_count
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.training.checkpoint import read_checkpoint, write_checkpoint
@@ -120,7 +121,7 @@ class Training:
         lengths = self.loss.lengths
         stop = min(sum(lengths), sum(lengths) if stop_at is None else stop_at)
         self._clock = self._saved = time.perf_counter()
-        with tqdm(total=sum(lengths), initial=self.iteration, disable=not progress, unit="it", delay=0.5) as bar:
+        with tqdm(total=sum(lengths), initial=self.iteration, disable=no_bar(progress), unit="it", delay=0.5) as bar:
             for number, length in enumerate(lengths):
                 start = sum(lengths[:number])
                 if start <= self.iteration < min(start + length, stop):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -95,6 +95,7 @@ def planar_frames() -> np.ndarray:
     return np.stack(frames)
 
 
+@cache
 def _joints() -> tuple[Joint, ...]:
     """Joints 1, 4 and 6 in the plane."""
     frames, bodies = planar_frames(), body_frames(POSTURE)
@@ -175,6 +176,7 @@ FRANKAS: dict[str, Callable[[], Robot]] = {
 }
 
 
+@cache
 def _meshes() -> tuple[tuple[Link, ...], tuple[Link, ...]]:
     """The links with the cross-sections of their meshes, and the foot, which touches nothing."""
     links = []
@@ -191,6 +193,7 @@ def _solid(body: str, frame: int) -> np.ndarray:
     return mesh_vertices(body) @ pose[:3, :3].T + pose[:3, 3]
 
 
+@cache
 def _capsules() -> tuple[tuple[Link, ...], tuple[Link, ...]]:
     """The links as capsules along the Denavit-Hartenberg frames, which needs no mesh; there is no foot."""
     frames = planar_frames()
