@@ -10,15 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from piec_envs.dynamics.rigid import FAILED, give_way, is_answer
 from piec_envs.kernels import batch_kernel, kernel
 
 VIOLATION_TOLERANCE = 1e-13  # m
 LANES = 16  # loops over rows run to a multiple of this, since a compiler's vector loop leaves out the remainder
 DEPENDENT = 1e-6  # a row whose part off the rows before it has at most this share of its square depends on them
-SHARE = 1e-9  # less of a row in another is rounding noise
-FAILED = -1
-NOISE = 1e-13  # the same where it must press all the same: less than this share is rounding noise
-RIGID_RESIDUAL = 1e-9  # m; largest violation, or gap under pressure, of an answer that is taken for one
 
 
 class DualScratch(NamedTuple):
@@ -186,72 +183,6 @@ def _minimise(r, begin, p, whole, dual):
 
 
 @kernel
-def _depends(p, dual):
-    """Whether the last of the p passive rows depends on those before it, but for rounding."""
-    a = dual.passive[p - 1]
-    return dual.inverse[p - 1] ** 2 * dual.G[a, a] * NOISE >= 1.0
-
-
-@kernel
-def _exchange(p, dual):
-    """Let the last of the p passive rows, which depends on those before it, take the place of one of them.
-
-    With a = sum_k share_k a_k the step stays the same while the last multiplier grows by t and the others
-    fall by t share_k; the dual falls as long as none turns negative (Goldfarb and Idnani 1983, step 2c).
-
-    Returns:
-        Position from which the factor is not known any more; -1 where no row can leave: the constraints
-        contradict each other.
-    """
-    last, share, passive = p - 1, dual.z, dual.passive
-    for i in range(last):
-        share[i] = dual.L[last, i]
-    for i in range(last - 1, -1, -1):
-        share[i] *= dual.inverse[i]
-        for j in range(i):
-            share[j] -= dual.L[i, j] * share[i]
-    leaving, most = -1, np.inf
-    for i in range(last):
-        if share[i] > SHARE and dual.multipliers[passive[i]] < most * share[i]:
-            leaving, most = i, dual.multipliers[passive[i]] / share[i]
-    if leaving < 0:
-        return -1
-    for i in range(last):
-        dual.multipliers[passive[i]] = max(dual.multipliers[passive[i]] - most * share[i], 0.0)
-    dual.multipliers[passive[leaving]] = 0.0
-    dual.multipliers[passive[last]] = most
-    for i in range(leaving, last):
-        passive[i] = passive[i + 1]
-    return leaving
-
-
-@kernel
-def _enter_rigid(r, p, dual):
-    """Factor the last of the p passive rows; where it depends on the others, it takes the place of one.
-
-    Returns:
-        (begin, p): the first position whose factor is not known, and the set's size; begin is -1 where the
-        constraints contradict each other.
-    """
-    _factor(r, p - 1, p, dual)
-    if _depends(p, dual):
-        return _exchange(p, dual), p - 1
-    return p, p
-
-
-@kernel
-def _is_answer(m, p, dual):
-    """Whether no row is violated, and those that press are closed; the rest of the KKT conditions hold as computed."""
-    for i in range(m):
-        if not dual.value[i] >= -RIGID_RESIDUAL:
-            return False
-    for i in range(p):
-        if not dual.value[dual.passive[i]] <= RIGID_RESIDUAL:
-            return False
-    return True
-
-
-@kernel
 def _most_violated(m, blocked, dual):
     """The row with the least value of those that do not press, -1 where none is violated."""
     found, worst = -1, -VIOLATION_TOLERANCE
@@ -293,7 +224,8 @@ def solve_dual(rows, m, compliance, r, guess, dual):
         dual: scratch from `make_dual` with the diagonal of Q; `dual.multipliers` is the solution.
 
     Returns:
-        Number of rows with a positive multiplier; they stand first in `dual.passive`.
+        Number of rows with a positive multiplier; they stand first in `dual.passive`. FAILED where there is no
+        solution, or none is found.
     """
     c = _scale_rows(rows, m, compliance, dual)
     for i in range(m):
@@ -305,11 +237,12 @@ def solve_dual(rows, m, compliance, r, guess, dual):
         _values(r, m, p, dual)
         enter = _most_violated(m, blocked, dual)
         if enter < 0:
-            return p if c > 0.0 or _is_answer(m, p, dual) else FAILED
+            return p if c > 0.0 or is_answer(m, p, dual) else FAILED
         _enter(enter, p, c, dual)
         begin, p = p, p + 1
         if c == 0.0:
-            begin, p = _enter_rigid(r, p, dual)
+            _factor(r, p - 1, p, dual)
+            begin, p = give_way(p, dual)
             if begin < 0:
                 return FAILED
         p = _minimise(r, begin, p, False, dual)

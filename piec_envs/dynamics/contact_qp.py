@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+SCALINGS = (10, 0)  # OSQP's rounds of scaling, its own choice first: some rigid problems it solves without alone
+
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
@@ -78,12 +80,13 @@ def solve_osqp(problem: ContactProblem) -> ContactSolution:
     P = sparse.diags(np.concatenate([problem.weight, np.full(m if c else 0, slack_weight)]), format="csc")
     linear = np.concatenate([-problem.weight * problem.free, np.zeros(m if c else 0)])
     A = sparse.csc_matrix(np.hstack([problem.rows, np.eye(m) / unit]) if c else problem.rows)
-    solver = osqp.OSQP()
-    solver.setup(
-        P, linear, A, l=-problem.gap, u=np.full(m, np.inf), verbose=False,
-        eps_abs=1e-12, eps_rel=1e-12, max_iter=100_000,
-    )  # fmt: skip
-    result = solver.solve(raise_error=False)
-    if result.info.status_val not in (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE):
-        return ContactSolution(np.zeros(d), np.zeros(m), solved=False)
-    return ContactSolution(result.x[:d], np.maximum(-result.y, 0.0))
+    for scaling in SCALINGS:
+        solver = osqp.OSQP()
+        solver.setup(
+            P, linear, A, l=-problem.gap, u=np.full(m, np.inf), verbose=False,
+            eps_abs=1e-12, eps_rel=1e-12, max_iter=100_000, scaling=scaling,
+        )  # fmt: skip
+        result = solver.solve(raise_error=False)
+        if result.info.status_val in (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE):
+            return ContactSolution(result.x[:d], np.maximum(-result.y, 0.0))
+    return ContactSolution(np.zeros(d), np.zeros(m), solved=False)

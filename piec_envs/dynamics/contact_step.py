@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.dynamics.active_set import FAILED, DualScratch, make_dual, solve_dual
+from piec_envs.dynamics.active_set import DualScratch, make_dual, solve_dual
 from piec_envs.dynamics.base import CONTROL_PERIOD, POSITION_LIMIT, TOUCH_DISTANCE
 from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
+from piec_envs.dynamics.rigid import FAILED
 from piec_envs.geometry.distance import link_distances, make_pairs
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
 from piec_envs.kernels import batch_kernel, kernel

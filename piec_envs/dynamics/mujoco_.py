@@ -16,7 +16,16 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
-from piec_envs.dynamics.base import CONTROL_PERIOD, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
+from piec_envs.dynamics.base import (
+    CONTROL_PERIOD,
+    NO_MEMORY,
+    POSITION_LIMIT,
+    Commands,
+    Motion,
+    Plant,
+    blank_motion,
+    check_shapes,
+)
 from piec_envs.dynamics.contact_step import ContactModel
 from piec_envs.dynamics.control_step import command_rows, measure_motion_rows, shift_rows
 from piec_envs.dynamics.free_bodies import PLACE, places_in, planar, poses_at_start, remembered_places, rest_state
@@ -28,6 +37,7 @@ from piec_envs.world.scene import PackedScene, pack_scene
 ENGINE_STEPS = round(CONTROL_PERIOD / TIMESTEP)  # in a control step
 SETTLE_ROUNDS, SETTLE_ENGINE_STEPS = 100, 2  # in which an overlap is relaxed
 SETTLED = 1e-4  # m; an overlap that counts as none
+LARGEST_MOVE = 0.5  # m or rad in a control step; a hundred times what the drives bring
 SMALL_BATCH = 64  # row-steps below which a second thread costs more than it brings to measuring
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -37,7 +47,8 @@ class MujocoDynamics:
     """The MuJoCo backend.
 
     A row's memory is MuJoCo's physics state: time, positions, velocities. Where the engine warns (NaN,
-    infinite or huge values, full buffers), the row has diverged and rests in its last good state.
+    infinite or huge values, full buffers), or something moves as nothing there can move it, the row has
+    diverged and rests in its last good state.
 
     Args:
         threads: threads over rows; None takes all cores.
@@ -178,13 +189,25 @@ def _simulate(lo: int, hi: int, job: _Job) -> None:
         _engines.loop.rollout(
             models, [data], state, ctrl, control_spec=_CONTROL, skip_checks=True, nstep=job.engine_steps, state=after
         )
-        good = (after[:, -1, 0] > (job.engine_steps - 0.5) * TIMESTEP) & np.isfinite(after[:, -1]).all(axis=1)
+        good = (after[:, -1, 0] > (job.engine_steps - 0.5) * TIMESTEP) & _are_believable(state, after[:, -1], n)
         state[good] = after[good, -1]
         motion.diverged[rows, t + 1] = motion.diverged[rows, t] | ~good
         motion.q_r[rows, t + 1] = position[:, :n]
         motion.pose[rows, t + 1] = planar(position[:, n : n + PLACE], motion.pose[rows, t, 2])
     for row, last in zip(rows, state, strict=True):
         motion.memory[row] = last.copy()
+
+
+def _are_believable(before: np.ndarray, after: np.ndarray, n: int) -> np.ndarray:
+    """Whether drives and contacts can bring the motion of a control step, to where observations reach, shape (B,).
+
+    Args:
+        before, after: physics states, shape (B, S).
+        n: number of joints.
+    """
+    moved = np.abs(after - before)[:, 1 : 1 + n + 3].max(axis=1)  # joints, and the object's place
+    reached = np.abs(after[:, 1 + n : 1 + n + 2]).max(axis=1)
+    return np.isfinite(after).all(axis=1) & (moved <= LARGEST_MOVE) & (reached <= POSITION_LIMIT)
 
 
 def _start(object_name: str, motion: Motion, row: int) -> np.ndarray:

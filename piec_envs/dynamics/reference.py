@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.dynamics.active_set import FAILED
 from piec_envs.dynamics.base import TOUCH_DISTANCE
 from piec_envs.dynamics.contact_qp import ContactProblem, solve_osqp
 from piec_envs.dynamics.contact_step import (
@@ -15,6 +14,7 @@ from piec_envs.dynamics.contact_step import (
     make_workspace,
     place,
 )
+from piec_envs.dynamics.rigid import FAILED
 
 
 def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):

@@ -11,7 +11,7 @@ import numpy as np
 from piec_envs.episodes.config import EnvConfig
 from piec_envs.episodes.state import PlantParams, State
 from piec_envs.episodes.tasks import Task
-from piec_envs.errors import InvalidStateError, as_floats, check_name
+from piec_envs.errors import InvalidParameterError, InvalidStateError, as_floats, check_name
 from piec_envs.geometry.distance import scene_distances
 from piec_envs.world.robots import Robot
 from piec_envs.world.scene import pack_scene
@@ -30,12 +30,27 @@ class StartSampler:
         robot: the robot.
         task: the task.
         config: the environment's keyword arguments.
+
+    Raises:
+        InvalidParameterError: if a given posture overlaps the object where it starts by more than 1 mm.
     """
 
     def __init__(self, robot: Robot, task: Task, config: EnvConfig):
         self.robot, self.task, self.config = robot, task, config
         self.posture = config.posture
         self._lower, self._upper = robot.joint_array("lower"), robot.joint_array("upper")
+        if not isinstance(config.start, str):
+            self._check_start()
+
+    def _check_start(self) -> None:
+        """Refuse joint positions in which no user's state could begin."""
+        name, pose = self.config.object, self.task.start
+        overlap = self._overlap(name, self.posture, pose)
+        if overlap > ALLOWED_PENETRATION:
+            raise InvalidParameterError(
+                f"start={self.posture.tolist()} overlaps the object {name!r} at its start {pose.tolist()} by "
+                f"{1e3 * overlap:.1f} mm; at most {1e3 * ALLOWED_PENETRATION:g} mm is allowed"
+            )
 
     def check_options(self, options: Mapping[str, Any] | None) -> dict[str, Any]:
         """The options of `reset` as a dict.

@@ -1,14 +1,24 @@
-"""Rows that are not finite any more rest in their last good state, and say so."""
+"""Rows whose step has no answer, or none that can be believed, rest in their last good state and say so."""
 
 from __future__ import annotations
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import blank_motion
-from piec_envs.dynamics.quasi_dynamic import _hold_diverged
+from piec_envs.dynamics.base import POSITION_LIMIT, Commands, Plant, blank_motion
+from piec_envs.dynamics.contact_step import PAPER_MODEL
+from piec_envs.dynamics.mujoco_ import LARGEST_MOVE, MujocoDynamics
+from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from piec_envs.dynamics.table import DYNAMICS, DynamicsOptions
+from piec_envs.episodes.observation import POSITION_BOUND
+from piec_envs.errors import InvalidParameterError
 
 STEPS = 8
+PUSH = "piec_envs/PlanarArmPush-v0"
+INSIDE = [0.6, 0.02, 0.1]  # of three discs on the arm's axis: links on both sides, no way out
+PAPER = {"object": "three_discs", "preset": "paper", "escape_field": None, "prior": "contact"}
+every_solver = pytest.mark.parametrize("solver", ["fast", "osqp"])
 
 
 def moving(rows):
@@ -22,12 +32,11 @@ def moving(rows):
 
 
 @pytest.mark.parametrize("k", [1, 3, STEPS])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize("name", ["pose", "q_r"])
-def test_a_row_is_held_from_the_step_before(name, bad, k):
+def test_a_row_is_held_from_the_step_before(k):
     motion, before = moving(3), moving(3)
-    getattr(motion, name)[1, k:, 1] = bad
-    _hold_diverged(motion)
+    failed = np.zeros((3, STEPS + 1), dtype=bool)
+    failed[1, k] = True  # what follows was never computed
+    motion.hold_diverged(failed)
     for field in ("q_r", "q_cmd", "pose", "link_distance", "contact"):
         found, true = getattr(motion, field), getattr(before, field)
         np.testing.assert_array_equal(found[1, :k], true[1, :k])
@@ -41,6 +50,101 @@ def test_a_row_is_held_from_the_step_before(name, bad, k):
 
 def test_a_sound_motion_stays_as_it_is():
     motion, before = moving(2), moving(2)
-    _hold_diverged(motion)
+    motion.hold_diverged(np.zeros((2, STEPS + 1), dtype=bool))
     for name, value in vars(before).items():
         np.testing.assert_array_equal(getattr(motion, name), value)
+
+
+def inside(state):
+    """The same state with the object on the arm, which no user's state could begin with."""
+    state.q_r[:], state.q_cmd[:], state.pose[:] = 0.0, 0.0, INSIDE
+    return state
+
+
+@every_solver
+def test_a_step_without_solution_is_held_and_cut_short(solver):
+    env = gym.make(PUSH, solver=solver, **PAPER).unwrapped
+    env.reset(seed=0)
+    env.set_state(inside(env.get_state()))
+    observation, reward, terminated, truncated, info = env.step(np.zeros(4))
+    np.testing.assert_array_equal(env.get_state().pose[0], INSIDE)
+    assert info["diverged"] and truncated and not terminated and not info["is_success"]
+    assert np.isfinite(reward) and observation in env.observation_space
+    assert env.step(np.ones(4))[4]["diverged"]  # it rests until reset
+
+
+@every_solver
+def test_only_the_row_without_solution_is_held(solver):
+    envs = gym.make_vec(PUSH, num_envs=3, solver=solver, **PAPER)
+    envs.reset(seed=0)
+    state = envs.unwrapped.get_state()
+    state.pose[1], state.q_r[1], state.q_cmd[1] = INSIDE, 0.0, 0.0
+    envs.unwrapped.set_state(state)
+    _, reward, _, truncated, info = envs.step(np.ones((3, 4)))
+    assert truncated.tolist() == info["diverged"].tolist() == [False, True, False]
+    assert np.isfinite(reward).all()
+    np.testing.assert_array_equal(envs.unwrapped.get_state().pose[1], INSIDE)
+
+
+@every_solver
+def test_a_rollout_holds_what_has_no_solution(solver):
+    env = gym.make(PUSH, solver=solver, **PAPER).unwrapped
+    env.reset(seed=0)
+    good = env.get_state()
+    both = inside(good.copy().take([0, 0]))
+    both.pose[1], both.q_r[1], both.q_cmd[1] = good.pose[0], good.q_r[0], good.q_cmd[0]
+    rollout = env.rollout(both, controls=np.ones((2, 5, 4)))
+    assert rollout.motion.diverged[0, 1:].all() and not rollout.motion.diverged[1].any()
+    np.testing.assert_array_equal(rollout.motion.pose[0], np.repeat([INSIDE], 6, axis=0))
+    alone = env.rollout(good, controls=np.ones((1, 5, 4)))
+    np.testing.assert_array_equal(rollout.motion.q_r[1], alone.motion.q_r[0])
+    assert np.isfinite(rollout.measures).all()
+
+
+@pytest.mark.parametrize("options", [{}, {"solver": "osqp"}], ids=["fast", "osqp"])
+@pytest.mark.parametrize("model", [None, PAPER_MODEL], ids=["default", "paper"])
+def test_a_jam_no_lead_can_open_moves_nothing_far(model, options):
+    """Objects anywhere on and in the arm: what is not held moves as lead and push-out allow."""
+    rng, rows = np.random.default_rng(0), 40
+    q = rng.uniform([-3, -2.5, -2.5, -2.5], [3, 2.5, 2.5, 2.5], (rows, 4))
+    pose = rng.uniform([-0.6, -0.6, -3], [0.6, 0.6, 3], (rows, 3))
+    dynamics = QuasiDynamics(model=model, **options)
+    plant = Plant("planar_arm", ["three_discs"] * rows, np.full(rows, 0.5))
+    motion = dynamics.rollout(q, q, pose, Commands(np.ones((rows, 4, 4))), plant)
+    assert np.abs(np.diff(motion.pose[..., :2], axis=1)).max() < 0.5
+    assert np.abs(np.diff(motion.q_r, axis=1)).max() < 0.5
+    for array in (motion.q_r, motion.pose, motion.link_distance):
+        assert np.isfinite(array).all()
+
+
+@pytest.mark.parametrize("name", DYNAMICS)
+def test_an_object_beyond_its_bound_has_diverged(name):
+    assert POSITION_LIMIT == POSITION_BOUND  # as far as observations reach
+    pose = np.array([[0.0, POSITION_LIMIT - 0.01, 0.0]])
+    w = np.repeat([[[0.0, 0.004]]], 5, axis=1)
+    commands, plant = Commands(np.zeros((1, 5, 4)), displacement=w), Plant("planar_arm", ["circle"], np.array([0.5]))
+    q = np.zeros((1, 4))
+    motion = DYNAMICS[name](DynamicsOptions()).rollout(q, q, pose, commands, plant)
+    assert motion.diverged[0].tolist() == [False] * 3 + [True] * 3
+    np.testing.assert_allclose(motion.pose[0, :, 1], pose[0, 1] + np.array([0, 0.004, 0.008, 0.008, 0.008, 0.008]))
+
+
+def test_an_object_thrown_under_mujoco_has_diverged():
+    """The engine simulates it without a warning; nothing in the scene could have done it."""
+    dynamics, q, pose = MujocoDynamics(), np.zeros((1, 4)), np.array([[0.6, 0.4, 0.0]])
+    plant, commands = Plant("planar_arm", ["circle"], np.array([0.5])), Commands(np.zeros((1, 2, 4)))
+    memory = dynamics.rollout(q, q, pose, commands, plant).memory
+    start = memory[0][1:5][None], q, np.array([[*memory[0][5:7], 0.0]])
+    for speed, thrown in ((0.5 * LARGEST_MOVE / 0.1, False), (2 * LARGEST_MOVE / 0.1, True)):
+        state = memory[0].copy()
+        state[1 + 4 + 7 + 4] = speed  # along x
+        motion = dynamics.rollout(*start, commands, plant, [state])
+        assert motion.diverged[0].tolist() == [False, thrown, thrown]
+        assert (motion.pose[0, -1] != start[2][0]).any() != thrown
+
+
+@pytest.mark.parametrize("dynamics", DYNAMICS)
+def test_a_posture_that_overlaps_the_object_is_refused(dynamics):
+    with pytest.raises(InvalidParameterError, match=r"start=.*overlaps the object 'three_discs'.* mm; at most 1 mm"):
+        gym.make(PUSH, start=(0.35, 0.1, 0.1, 0.1), dynamics=dynamics, **PAPER)
+    gym.make(PUSH, start=(-0.35, 0.1, 0.1, 0.1), dynamics=dynamics, **PAPER)
