@@ -11,6 +11,7 @@ import numpy as np
 from piec_envs.world.objects import Object
 
 PLACE, TWIST = 7, 6  # numbers that place a free body, and of its velocity
+SUNK = 1e-4  # m into the table, about as deep as a prism rests
 SAME_ANGLE = 1e-9  # rad; a quaternion gives an angle back no better
 
 
@@ -54,6 +55,9 @@ def poses_at_start(item: Object, pose: np.ndarray) -> np.ndarray:
 def upright(item: Object, poses: np.ndarray) -> np.ndarray:
     """Places of the object and its loose bodies, standing on the table.
 
+    They begin in it by `SUNK`: at exactly half their height rounding decides which of their corners the engine
+    finds in contact first, and some turn while they come to rest.
+
     Args:
         item: the object.
         poses: of the object, or of it and its loose bodies, shape (k, 3).
@@ -62,7 +66,8 @@ def upright(item: Object, poses: np.ndarray) -> np.ndarray:
         Position and quaternion of each, shape (k, 7).
     """
     places = np.zeros((len(poses), PLACE))
-    places[:, :2], places[:, 2] = poses[:, :2], [item.height / 2, *(body.height / 2 for body in item.loose)]
+    heights = np.array([item.height, *(body.height for body in item.loose)])[: len(poses)]
+    places[:, :2], places[:, 2] = poses[:, :2], heights / 2 - SUNK
     places[:, 3], places[:, 6] = np.cos(poses[:, 2] / 2), np.sin(poses[:, 2] / 2)
     return places
 

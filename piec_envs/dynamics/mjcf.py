@@ -35,6 +35,7 @@ CARRIAGE = (1.0, 0.01, 0.01, 0.01)  # mass (kg) and inertia (kg m^2) of a frame 
 SOLID_COLOUR = (0.93, 0.93, 0.95, 1.0)
 LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.42, 0.55, 0.70, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.93, 0.91, 1.0)
 LOOSE_COLOUR = (0.62, 0.38, 0.22, 1.0)
+RAISED = 5e-4  # m; corners of a prism's base that it does not stand on
 ARC_POINTS = 91  # on each rounded corner of an extruded outline: faces within half a degree of the arc
 
 
@@ -209,9 +210,22 @@ def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> d
             "quat": _turned(np.arctan2(edge[1], edge[0])),
         }
     outline = shape.outline(ARC_POINTS)  # (m, 2)
-    corners = np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (-half, half)])
+    foot = np.where(_are_feet(len(outline)), -half, RAISED - half)  # (m,)
+    corners = np.concatenate([np.column_stack([outline, foot]), np.column_stack([outline, np.full(len(foot), half)])])
     spec.add_mesh(name=name, uservert=corners.ravel())
     return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
+
+
+def _are_feet(corners: int) -> np.ndarray:
+    """On which of its corners a prism stands, shape (corners,): two and those across from them, if they are even.
+
+    Of more corners than four in contact the engine keeps four, whose middle need not be that of the prism. Resting
+    on them a prism leans, and one that leans creeps.
+    """
+    feet = np.full(corners, corners % 2 == 1)
+    half = corners // 2
+    feet[[0, half // 2, half, half + half // 2]] = True
+    return feet
 
 
 def _add_pair(spec: Any, first: str, second: str, friction: float, contact: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from piec_envs.dynamics.base import Commands, Plant
-from piec_envs.dynamics.free_bodies import places_in, places_of, poses_at_start, rest_state
+from piec_envs.dynamics.free_bodies import SUNK, places_in, places_of, poses_at_start, rest_state
 from piec_envs.dynamics.mjcf import OBJECT_FRICTION, TABLE_FRICTION, get_model
 from piec_envs.dynamics.mujoco_ import MujocoDynamics
 from piec_envs.world.objects import OBJECTS, get_object
@@ -43,7 +43,7 @@ def test_they_start_beside_the_object_and_rest(name):
     x, y, angle = item.loose[0].pose
     c, s = np.cos(pose[2]), np.sin(pose[2])
     start = np.array([pose[0] + c * x - s * y, pose[1] + s * x + c * y])
-    np.testing.assert_allclose(roll_of(env.get_state().memory[0]), [*start, 0.11], atol=1e-12)
+    np.testing.assert_allclose(roll_of(env.get_state().memory[0]), [*start, 0.11 - SUNK], atol=1e-12)
     np.testing.assert_allclose(poses_at_start(item, pose)[1], [*start, pose[2] + angle], atol=1e-12)
     for _ in range(20):
         env.step(np.zeros(4))
@@ -59,7 +59,7 @@ def test_the_state_is_the_engines(name):
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     mujoco.mj_kinematics(model, data)
-    np.testing.assert_allclose(data.body("object").xpos, [*pose[:2], 0.11])
+    np.testing.assert_allclose(data.body("object").xpos, [*pose[:2], 0.11 - SUNK])
     np.testing.assert_allclose(data.body("loose 1").xpos, roll_of(state))
 
 
