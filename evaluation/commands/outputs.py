@@ -40,7 +40,7 @@ def plan_out(args: argparse.Namespace) -> Path:
 
 def bench_out(args: argparse.Namespace) -> Path:
     """The file that `piec bench` writes."""
-    return args.out or Path("runs/bench.json")
+    return args.out or Path("runs/bench.json" if args.soak is None else "runs/soak.json")
 
 
 def train_out(args: argparse.Namespace) -> Path:
@@ -112,11 +112,12 @@ def _plan(args: argparse.Namespace) -> None:
 
 def _bench(args: argparse.Namespace) -> None:
     def is_bench(path: Path) -> bool:
-        return {"rows", "machine"} <= set(json.loads(path.read_text(encoding="utf-8")))
+        return {"rows", key} <= set(json.loads(path.read_text(encoding="utf-8")))
 
+    key, title = ("machine", "# Speed\n") if args.soak is None else ("summary", "# Soak\n")
     out = bench_out(args)
     check_file(out, "file of piec bench", is_bench)
-    check_file(out.with_suffix(".md"), "table of piec bench", lambda path: path.read_text().startswith("# Speed\n"))
+    check_file(out.with_suffix(".md"), "table of piec bench", lambda path: path.read_text().startswith(title))
 
 
 def _render(args: argparse.Namespace) -> None:
