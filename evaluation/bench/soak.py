@@ -25,11 +25,14 @@ from piec_envs.console import no_bar
 from piec_envs.dynamics.table import DYNAMICS
 from piec_envs.episodes.start import ALLOWED_PENETRATION
 from piec_envs.errors import MissingDependencyError
+from piec_envs.geometry.distance import scene_distances
 from piec_envs.parallel import available_threads
 from piec_envs.registration import ENVS, MOTIONS
 from piec_envs.sources import source
 from piec_envs.versions import versions
 from piec_envs.world.objects import OBJECTS
+from piec_envs.world.robots import Robot
+from piec_envs.world.scene import pack_scene
 
 SHARES = {"mujoco": 0.03, "static": 0.0005}  # of the steps; the quasi-dynamic model has the rest
 ROWS = {"quasi_dynamic": 256, "mujoco": 32, "static": 8}
@@ -37,6 +40,8 @@ PRESETS = {"quasi_dynamic": ("default", "paper"), "mujoco": ("default",), "stati
 COUNTS = ("steps", "episodes", "contact", "diverged", "not finite", "outside")
 HOLD = 50  # steps that a random action lasts
 PLANT = {"friction": [0.1, 1.0], "disturbance": [0.0, 0.01]}  # drawn for each episode
+NEAR = (0.015, 0.04)  # m, from arm to object at the start
+ROAM = 0.8  # m, of the base from the object at the start
 RIGID = [name for name, item in OBJECTS.items() if not item.loose]
 
 
@@ -78,10 +83,10 @@ def run_cell(cell: Cell, seed: int) -> dict[str, Any]:
     """Step one cell with random actions; returns its counts and worst figures."""
     moving = cell.dynamics != "static"
     rows = min(ROWS[cell.dynamics], cell.steps)
-    envs: Any = _make_envs(cell, rows)
     found = dict.fromkeys(COUNTS, 0)
     worst = {"penetration": 0.0, "start": 0.0}
     rng = np.random.default_rng(seed)
+    envs: Any = _make_envs(cell, rows, rng)
     began = time.perf_counter()
     overlap = _penetration(envs.reset(seed=seed)[1], rows)  # of each episode's start
     while found["steps"] < cell.steps:
@@ -106,16 +111,37 @@ def run_cell(cell: Cell, seed: int) -> dict[str, Any]:
     return {**asdict(cell), **found, **worst, "seconds": seconds, "memory": resident_memory()}
 
 
-def _make_envs(cell: Cell, rows: int) -> Any:
-    """The environments of a cell; capsules where the Franka's meshes are not installed."""
+def _make_envs(cell: Cell, rows: int, rng: np.random.Generator) -> Any:
+    """The environments of a cell, whose arm starts beside the object; capsules where there are no meshes."""
     kwargs: dict[str, Any] = {"object": cell.object}
-    if cell.dynamics != "static":
-        kwargs |= {"dynamics": cell.dynamics, "preset": cell.preset, "randomize": PLANT}
-        kwargs |= {"start_noise": (0.01, 0.05), "escape_field": None, "prior": "contact"}
+    if cell.dynamics == "static":
+        return _make(cell, rows, kwargs)
+    kwargs |= {"dynamics": cell.dynamics, "preset": cell.preset, "randomize": PLANT}
+    kwargs |= {"start_noise": (0.01, 0.05), "escape_field": None, "prior": "contact"}
+    batch = _make(cell, rows, kwargs).unwrapped.batch
+    return _make(cell, rows, {**kwargs, "start": _beside(batch.robot, cell.object, batch.task.start, rng)})
+
+
+def _make(cell: Cell, rows: int, kwargs: dict[str, Any]) -> Any:
     try:
         return gym.make_vec(cell.env_id, num_envs=rows, **kwargs)
     except MissingDependencyError:
         return gym.make_vec(cell.env_id, num_envs=rows, geometry="capsules", **kwargs)
+
+
+def _beside(robot: Robot, object_name: str, pose: np.ndarray, rng: np.random.Generator) -> list[float]:
+    """A random posture in which the arm is near the object and clear of it."""
+    scene = pack_scene(robot.name, object_name)
+    distances = np.empty(scene.links)
+    low = robot.joint_array("lower").copy()
+    high = robot.joint_array("upper").copy()
+    low[: robot.base_dof] = pose[: robot.base_dof] - ROAM
+    high[: robot.base_dof] = pose[: robot.base_dof] + ROAM
+    while True:
+        q = rng.uniform(low, high)
+        scene_distances(scene, q, pose, distances)
+        if NEAR[0] < distances.min() < NEAR[1]:
+            return q.tolist()
 
 
 def _penetration(info: dict[str, Any], rows: int) -> np.ndarray:
