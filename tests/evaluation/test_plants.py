@@ -133,7 +133,8 @@ def test_what_a_protocol_fixes_is_no_longer_drawn(drawn_plan):
     assert "randomize" not in both.spec["env_kwargs"] and both.spec["env_kwargs"]["object"] == "square"
     env = gym.make(PUSH, **both.spec["env_kwargs"])
     for seed in range(4):
-        params = env.reset(seed=seed)[1]["params"]
+        env.reset(seed=seed)
+        params = env.unwrapped.get_params()
         assert (params["object"], params["friction"]) == ("square", 0.3)
     twin = evaluate(drawn_plan, protocol="nominal-start", plant="disturbed", episodes=2).spec["env_kwargs"]
     assert twin["start_noise"] == [0.01, 0.05]
@@ -228,7 +229,8 @@ def test_every_default_of_the_plant_in_force_is_filled_in(env_id):
     bare = {} if "Planar" in env_id else {"geometry": "capsules", "start": "home"}
     plant = plant_in_force(env_id, bare)
     env = gym.make(env_id, escape_field=None, **bare)
-    params = env.reset(seed=0)[1]["params"]
+    env.reset(seed=0)
+    params = env.unwrapped.get_params()
     assert {name: plant[name] for name in params if name != "start"} == {
         n: v for n, v in params.items() if n != "start"
     }
