@@ -28,7 +28,7 @@ help:
 	@echo "make lint       ruff and mypy"
 	@echo "make format     let ruff rewrite the code"
 	@echo "make bench      measure the speed of kernels, environments and planners"
-	@echo "make reproduce  run a study again: STUDY=planar-disturbance (default: all)"
+	@echo "make reproduce  run a study again beside results/, and compare: STUDY=planar-disturbance (default: all)"
 	@echo "make venv       only install, with the development tools"
 	@echo "make clean      remove build outputs and caches, those of Numba too"
 	@echo "make distclean  the same, and .venv"

@@ -129,7 +129,7 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def origins(records: Iterable[Record]) -> str:
-    """Which commits records come from, such as "commit 0123456789 (30), commit unknown (7)"."""
+    """Which commits records come from, such as "commit 0123456789 (30), sources not noted then (7)"."""
     counts = Counter(commit_of(record) for record in records)
     if len(counts) == 1:
         return next(iter(counts))
@@ -140,7 +140,7 @@ def commit_of(record: Record) -> str:
     """The commit that a record was made by, in words."""
     source = record.get("source")
     if source is None:
-        return "commit not noted"
+        return "sources not noted then"
     if source["commit"] is None:
         return f"sources {source['digest']}"
     edited = f" with changes, sources {source['digest']}" if source["modified"] else ""

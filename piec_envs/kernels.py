@@ -18,6 +18,8 @@ from typing import Any
 
 from numba import njit
 
+from piec_envs.compilation import announce_compilation
+
 
 def _compiled(**options: Any) -> Callable[[Callable], Any]:
     """A decorator that compiles a function with Numba's options."""
@@ -47,3 +49,4 @@ def _say_unkept() -> None:
 batch_kernel = _compiled(nogil=True, error_model="numpy")
 kernel = _compiled(nogil=True, error_model="numpy", _nrt=False)
 lane_kernel = _compiled(nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"})
+announce_compilation()

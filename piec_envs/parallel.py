@@ -7,13 +7,14 @@ results are the same for every number of threads.
 from __future__ import annotations
 
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
-NOTICE_SECONDS = 1.5  # loading a cached kernel takes less, compiling one takes longer
+from piec_envs.console import note
+
+NOTICE_SECONDS = 1.5
 _compiled: set[Callable] = set()
 _pool: ThreadPoolExecutor | None = None
 
@@ -43,8 +44,9 @@ def run_rows(kernel: Callable, rows: int, threads: int | None, *args) -> None:
         args: the kernel's other arguments, the same for every range.
     """
     threads = 1 if rows <= 1 else min(threads or available_threads(), rows)
-    if kernel not in _compiled:  # the first call compiles; do it once, with a word to the user
-        _announce_if_slow(kernel, *args)
+    if kernel not in _compiled:  # the first call compiles: once, not in every thread
+        kernel(0, 0, *args)
+        _compiled.add(kernel)
     if threads <= 1:
         kernel(0, rows, *args)
         return
@@ -58,17 +60,10 @@ def run_rows(kernel: Callable, rows: int, threads: int | None, *args) -> None:
         job.result()
 
 
-def _announce_if_slow(kernel: Callable, *args) -> None:
-    """Compile on an empty range; say so if the compiled code was not in the cache."""
-    with notice(f"compiling {getattr(kernel, '__name__', 'kernel')} (first use only)"):
-        kernel(0, 0, *args)
-    _compiled.add(kernel)
-
-
 @contextmanager
 def notice(text: str) -> Iterator[None]:
     """Say on stderr what is going on if the body takes longer than NOTICE_SECONDS."""
-    timer = threading.Timer(NOTICE_SECONDS, lambda: print(f"piec_envs: {text}", file=sys.stderr, flush=True))
+    timer = threading.Timer(NOTICE_SECONDS, lambda: note(text))
     timer.daemon = True
     timer.start()
     try:

@@ -19,7 +19,7 @@ MAX_BODY_LINES = 50
 # Inside piec_envs a part may import parts of a lower layer and itself. Modules that stand directly
 # in the package (env, vector_env) and are not named here make up the layer ENV.
 # Importable from everywhere.
-SHARED = {"cache", "console", "errors", "files", "kernels", "parallel", "sources", "versions"}
+SHARED = {"cache", "compilation", "console", "errors", "files", "kernels", "parallel", "sources", "versions"}
 LAYERS = {
     "world": 0,
     "geometry": 1,

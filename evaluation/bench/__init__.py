@@ -11,12 +11,13 @@ from typing import Any
 from tqdm import tqdm
 
 from evaluation.bench.base import QUICK, Row, Sizes
+from evaluation.bench.demo import whole_demo
 from evaluation.bench.dynamics import mujoco_steps
 from evaluation.bench.environments import rollout_threads, single_step, vector_steps
 from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
 from evaluation.bench.learning import rollout_collection
-from evaluation.bench.planning import franka_plan, full_plans, static_caging
+from evaluation.bench.planning import default_plans, franka_plan, one_search, static_caging
 from piec_envs.console import no_bar
 from piec_envs.parallel import available_threads
 from piec_envs.sources import source
@@ -33,7 +34,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         progress: whether to show a progress bar.
 
     Returns:
-        "rows" of a table (benchmark, result, unit, wanted, note), "sizes", "machine", "versions" and "source".
+        "rows" of a table (benchmark, result, unit, wanted, met, note), "sizes", "machine", "versions" and "source".
     """
     benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
         "contact step": contact_step,
@@ -46,7 +47,9 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "learned field": network_queries,
         "tabulated field": table_queries,
         "static caging": static_caging,
-        "full plans": partial(full_plans, progress=progress),
+        "default plans": partial(default_plans, progress=progress),
+        "demo": whole_demo,
+        "one search": partial(one_search, progress=progress),
         "Franka plan": partial(franka_plan, progress=progress),
         "rollouts": rollout_threads,
         "MuJoCo": mujoco_steps,

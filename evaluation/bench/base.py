@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 import piec_envs  # noqa: F401  registers the environments
 from evaluation.studies import PUSH
 from piec_envs.episodes.batch import EpisodeBatch
+from piec_envs.errors import InvalidParameterError
 
 Row = dict[str, Any]
 
@@ -33,7 +35,10 @@ class Sizes:
         single_steps: steps of a single environment.
         fields: configurations solved in one measurement.
         table: nodes a side and spacing (rad) of a tabulated field.
-        planner: arguments of `CmaEsPlanner` for a full plan.
+        planner: arguments of `CmaEsPlanner` for one search.
+        default: changes to the planner that users get by default.
+        demo: how `piec demo` is run: "cold" with an empty cache of kernels, then "warm".
+        demo_budget: its further arguments.
         plans: how many are ranked with the planner's k and with k = 1.
         action_repeats: control steps of an action, while a learner collects rollouts.
     """
@@ -50,6 +55,9 @@ class Sizes:
     fields: int = 100
     table: tuple[int, float] = (101, 0.07)
     planner: tuple[tuple[str, Any], ...] = (("restarts", 1), ("robust_iterations", 0))
+    default: tuple[tuple[str, Any], ...] = ()
+    demo: tuple[str, ...] = ("cold", "warm")
+    demo_budget: tuple[str, ...] = ()
     plans: int = 50
     action_repeats: tuple[int, ...] = (1, 10)
 
@@ -67,6 +75,9 @@ QUICK = Sizes(
     fields=5,
     table=(33, 0.4),
     planner=(("restarts", 1), ("robust_iterations", 0), ("iterations", 2), ("population", 4), ("start", "rest")),
+    default=(("restarts", 2), ("robust_iterations", 1), ("iterations", 2), ("population", 4), ("start", "rest")),
+    demo=("warm",),
+    demo_budget=("--smoke",),
     plans=5,
     action_repeats=(10,),
 )
@@ -84,8 +95,26 @@ def median_seconds(call: Callable[[], Any], repeats: int) -> float:
 
 
 def row(benchmark: str, result: float, unit: str, wanted: str = "", note: str = "") -> Row:
-    """One line of the table."""
-    return {"benchmark": benchmark, "result": float(result), "unit": unit, "wanted": wanted, "note": note}
+    """One line of the table; `wanted` is "", "at most 3" or "at least 3", and decides "met"."""
+    met = verdict(float(result), wanted)
+    return {"benchmark": benchmark, "result": float(result), "unit": unit, "wanted": wanted, "met": met, "note": note}
+
+
+def verdict(result: float, wanted: str) -> str:
+    """Whether a result is what is wanted of it: "pass", "miss", or "" where nothing is wanted or measured.
+
+    Raises:
+        InvalidParameterError: if `wanted` cannot be understood.
+    """
+    if not wanted or np.isnan(result):
+        return ""
+    bound, _, number = wanted.rpartition(" ")
+    if bound not in BOUNDS:
+        raise InvalidParameterError(f"what is wanted is such as 'at most 3' or 'at least 3', got {wanted!r}")
+    return "pass" if BOUNDS[bound](result, float(number)) else "miss"
+
+
+BOUNDS = {"at most": operator.le, "at least": operator.ge}
 
 
 def make_batch(**kwargs: Any) -> EpisodeBatch:

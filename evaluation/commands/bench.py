@@ -36,12 +36,17 @@ def run(args: argparse.Namespace) -> Report:
     results = run_bench(QUICK if args.quick else Sizes(), progress=True)
     out = bench_out(args)
     table = markdown(results["rows"])
+    missed = [row["benchmark"] for row in results["rows"] if row["met"] == "miss"]
+    wanted = sum(bool(row["met"]) for row in results["rows"])
+    verdict = f"{wanted - len(missed)} of {wanted} targets are met" + (
+        f"; missed: {', '.join(missed)}" if missed else ""
+    )
     machine = f"{results['machine']['cores']} cores, {results['machine']['architecture']}"
     paths = [
         write_atomic(out, json.dumps(to_json(results), indent=2, allow_nan=False) + "\n"),
-        write_atomic(out.with_suffix(".md"), f"# Speed\n\n`piec bench` on {machine}.\n\n{table}\n"),
+        write_atomic(out.with_suffix(".md"), f"# Speed\n\n`piec bench` on {machine}; {verdict}.\n\n{table}\n"),
     ]
-    return Report(table, results, paths)
+    return Report(f"{table}\n{verdict}", {**results, "missed": missed}, paths)
 
 
 def _soak(steps: int, out: Path) -> Report:

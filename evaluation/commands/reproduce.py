@@ -93,16 +93,21 @@ def _account(name: str, ledger: Any, base: dict[str, Any], folder: Path) -> tupl
     """Where the results come from, and how they compare with the committed ones."""
     from evaluation.comparison import compare, comparison_table, summary, write_comparison
     from evaluation.reuse import origins
+    from piec_envs.sources import source
 
     counts = {kind: len(getattr(ledger, kind)) for kind in ("taken", "earlier", "done")}
     total = sum(counts.values())
     lines = []
-    for kind, words in (("taken", "from committed records"), ("earlier", "from records of an earlier run")):
+    head = (source()["commit"] or "")[:10]
+    words = {
+        "taken": f"from committed records{f' of commit {head}' if head else ''}",
+        "earlier": "from records of an earlier run",
+        "done": "done now",
+    }
+    for kind, where in words.items():
         if counts[kind]:
             made_by = origins(getattr(ledger, kind).values())
-            lines.append(f"{name}: {counts[kind]} of {total} pieces of work {words} ({made_by})")
-    if counts["done"]:
-        lines.append(f"{name}: {counts['done']} of {total} pieces of work done now ({origins(ledger.done.values())})")
+            lines.append(f"{name}: {counts[kind]} of {total} pieces of work {where} (made by {made_by})")
     data: dict[str, Any] = {"pieces": total, "from_committed": counts["taken"], "from_earlier": counts["earlier"]}
     data["done"] = counts["done"]
     found = compare(base, ledger.own, ledger.labels)

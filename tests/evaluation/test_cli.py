@@ -125,11 +125,15 @@ def test_render_takes_from_the_plan_what_it_was_made_for(piec, sweep_plan, tmp_p
     assert file.with_suffix(".gif").read_bytes()[:3] == b"GIF"
 
 
-def test_bench(piec, tmp_path):
+def test_bench(piec, tmp_path, monkeypatch):
+    monkeypatch.setattr("evaluation.bench.demo._run_demo", lambda *arguments: 1.0)  # test_demo runs it
     code, document = piec("bench", "--quick", "--out", tmp_path / "bench.json")
     assert code == 0
     assert json.loads((tmp_path / "bench.json").read_text())["rows"] == document["rows"]
-    assert {"contact step, fast over osqp", "rank of plan costs"} <= {row["benchmark"] for row in document["rows"]}
+    names = {"contact step, fast over osqp", "rank of plan costs", "default plan, caging", "piec demo, warm"}
+    assert names <= {row["benchmark"] for row in document["rows"]}
+    assert document["missed"] == [row["benchmark"] for row in document["rows"] if row["met"] == "miss"]
+    assert "targets are met" in (tmp_path / "bench.md").read_text()
 
 
 def test_train_field(piec, tmp_path, capsys):

@@ -88,7 +88,8 @@ def test_what_comes_from_records_is_counted_and_said(committed, capsys):
     text = capsys.readouterr().out
     count = len(read_records(committed / TOY / "records.jsonl"))
     made_by = origins(read_records(committed / TOY / "records.jsonl"))
-    assert f"{TOY}: {count} of {count} pieces of work from committed records ({made_by})" in text
+    assert f"{TOY}: {count} of {count} pieces of work from committed records" in text
+    assert f"(made by {made_by})" in text and "commit" in made_by
     assert "--fresh does all of it anew" in text
     assert read_records(Path("runs/reproduce") / TOY / "records.jsonl") == []  # only what was done there
 

@@ -159,11 +159,12 @@ import sys
 sys.modules["gymnasium_robotics"] = None  # as if it were not installed
 import gymnasium as gym, piec_envs
 from piec_envs.errors import MissingDependencyError
+from piec_envs.versions import install_command
 for make in (gym.make, gym.make_vec):
     try:
         make("piec_envs/FrankaCage-v0")
     except MissingDependencyError as error:
-        assert "piec-envs[franka]" in str(error) and "capsules" in str(error), error
+        assert install_command("franka") in str(error) and "capsules" in str(error), error
     else:
         raise SystemExit("no error")
 env = gym.make("piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid")
