@@ -79,6 +79,8 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"escape_field": {"speed": {"leak": 0.0}}}, InvalidParameterError, "leaky wall"),
         ({"escape_field": {"speed": {"leak": 1.0}}}, InvalidParameterError, r"\[0.0, 1.0\)"),
         ({"goal": "home"}, InvalidParameterError, "goal"),
+        ({"goal": ("0.2", "0.4")}, InvalidParameterError, "goal.*numbers of shape"),
+        ({"goal": (0.2 + 0.1j, 0.4)}, InvalidParameterError, "goal.*numbers of shape"),
         ({"start_noise": "some"}, InvalidParameterError, "start_noise"),
         ({"randomize": "friction"}, InvalidParameterError, "randomize"),
         ({"randomize": {"friction": [None, 1]}}, InvalidParameterError, "range"),
