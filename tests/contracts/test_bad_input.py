@@ -41,7 +41,7 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"render_mode": "ansi"}, UnknownNameError, "rgb_array"),
         ({"colour": "red"}, UnknownNameError, "object"),
         ({"goal": (1.2, 1.2)}, InvalidParameterError, "within 1.4 m"),
-        ({"goal": (0.0, 0.05)}, InvalidParameterError, r"at least 0.075 m from it.*got \[0.0, 0.05\]"),
+        ({"goal": (0.0, 0.05)}, InvalidParameterError, r"at least 0.075 m from it.*got \(0\.0, 0\.05\)"),
         ({"goal": (np.nan, 0.0)}, InvalidParameterError, "within 1.4 m"),
         ({"goal": (0.1, 0.2, 0.3)}, InvalidParameterError, "goal"),
         ({"friction": -0.1}, InvalidParameterError, "friction"),
