@@ -21,7 +21,14 @@ from piec_envs.errors import (
     check_name,
 )
 from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.native_vector import ENV_ARGUMENTS, RENDER_MODES, SEED_BOUND, NativeVectorEnv, take_row
+from piec_envs.native_vector import (
+    ENV_ARGUMENTS,
+    RENDER_MODES,
+    SEED_BOUND,
+    NativeVectorEnv,
+    keeping_generator,
+    take_row,
+)
 from piec_envs.rendering.renderer import Renderer
 from piec_envs.spec import PlainSpec
 
@@ -121,8 +128,9 @@ class CageEnv(PlainSpec, gym.Env):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Begin an episode; see the class for the options."""
-        super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
-        self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
+        with keeping_generator(self):
+            super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
+            self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
         self._begun = True
         return take_row(self._interface.observe()), row_info(self._interface.info())
 

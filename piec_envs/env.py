@@ -22,7 +22,7 @@ from piec_envs.errors import (
     check_arguments,
 )
 from piec_envs.interface import Interface, rollout
-from piec_envs.native_vector import ENV_ARGUMENTS, RENDER_MODES, SEED_BOUND, take_row
+from piec_envs.native_vector import ENV_ARGUMENTS, RENDER_MODES, SEED_BOUND, keeping_generator, take_row
 from piec_envs.rendering.renderer import Renderer
 from piec_envs.spec import PlainSpec
 
@@ -109,8 +109,9 @@ class MotionEnv(PlainSpec, gym.Env):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Begin an episode; see the class for the options."""
-        super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
-        self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
+        with keeping_generator(self):
+            super().reset(seed=None if seed is None else as_count("seed", seed, least=0))
+            self._batch.reset(np.array([0]), [int(self.np_random.integers(SEED_BOUND))], options)
         return self._begin()
 
     def step(self, action: np.ndarray):

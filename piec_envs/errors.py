@@ -175,7 +175,10 @@ def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[Piec
         PiecError: of that class, if the value is no array of numbers of that shape, or not finite.
     """
     try:
-        array = np.array(value, dtype=float)
+        given = np.asarray(value)
+        if given.dtype.kind not in "biufO":  # NumPy would read numbers out of text
+            raise TypeError(f"{given.dtype} is no type of numbers")
+        array = np.array(given, dtype=float)
     except (TypeError, ValueError) as cause:
         raise error(f"{name} must be numbers of shape {shape}, got {value!r}") from cause
     if array.shape != shape:

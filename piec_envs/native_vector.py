@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -60,6 +62,30 @@ def take_row(observation: Any, row: int = 0) -> Any:
     if isinstance(observation, dict):
         return {name: value[row].copy() for name, value in observation.items()}
     return observation[row].copy()
+
+
+@contextmanager
+def rewinding(generators: Iterable[np.random.Generator | None]) -> Iterator[None]:
+    """Take back what was drawn if the block ends with an error, so that a refused reset changes nothing."""
+    before = [(generator.bit_generator, generator.bit_generator.state) for generator in generators if generator]
+    try:
+        yield
+    except BaseException:
+        for bits, state in before:
+            bits.state = state
+        raise
+
+
+@contextmanager
+def keeping_generator(env: gym.Env) -> Iterator[None]:
+    """Give a single environment its generator back, as it was, if the block ends with an error."""
+    generator, seed = env._np_random, env._np_random_seed
+    with rewinding([generator]):
+        try:
+            yield
+        except BaseException:
+            env._np_random, env._np_random_seed = generator, seed
+            raise
 
 
 def _limit(max_episode_steps: int | None) -> float:
@@ -128,11 +154,17 @@ class NativeVectorEnv(PlainSpec, VectorEnv):
         options = dict(options or {})
         mask = self._check_mask(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         rows = np.flatnonzero(mask)
-        seeds = self._seeds(seed)
-        for row in rows:
-            if seeds[row] is not None:
-                self._generators[row] = seeding.np_random(seeds[row])[0]
-        self._begin(rows, options)
+        seeds, generators = self._seeds(seed), self._generators
+        with rewinding(generators[row] for row in rows if seeds[row] is None):
+            self._generators = list(generators)
+            for row in rows:
+                if seeds[row] is not None:
+                    self._generators[row] = seeding.np_random(seeds[row])[0]
+            try:
+                self._begin(rows, options)
+            except BaseException:
+                self._generators = generators
+                raise
         if seed is not None:
             self._np_random, self._np_random_seed = _own_generator(seed)
         return self._interface.observe(), with_masks(self._interface.info(), mask)
@@ -144,9 +176,8 @@ class NativeVectorEnv(PlainSpec, VectorEnv):
             rows = np.flatnonzero(self._ended).tolist()
             raise InvalidActionError(f"rows {rows} have ended: reset them with options={{'reset_mask': ...}}")
         begin = self._ended & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
-        if begin.any():  # these rows ignore their action, whatever it is, and begin anew
-            actions = np.array(actions)
-            actions[begin] = 0.0
+        if begin.any():  # these rows ignore their action, even one that is not finite, and begin anew
+            actions = self._without(actions, begin)
         self._episodes.step(actions)
         self._elapsed += 1
         if begin.any():
@@ -185,6 +216,15 @@ class NativeVectorEnv(PlainSpec, VectorEnv):
             raise ResetNeededError(
                 f"{call} needs an episode in every row, and none has begun in rows {rows}: reset them first"
             )
+
+    def _without(self, actions: Any, rows: np.ndarray) -> Any:
+        """Actions with zeros in some rows; what is no batch of actions stays, for the episodes to refuse."""
+        if np.shape(actions) != self.action_space.shape:
+            return actions
+        actions = np.array(actions)
+        if actions.dtype.kind in "biufO":
+            actions[rows] = 0
+        return actions
 
     def _final(self, observation: Any, ended: np.ndarray) -> dict:
         """Last observation and info of the rows that begin anew within this step."""

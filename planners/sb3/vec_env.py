@@ -124,8 +124,7 @@ class NativeVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """One frame for each row; None without a render mode."""
-        frames = self.native.render()
-        return [None] * self.num_envs if frames is None else list(frames)
+        return [None] * self.num_envs if self.native.render_mode is None else list(self.native.render())
 
     def _check_whole(self, name: str, rows: list[int]) -> None:
         if sorted(rows) != list(range(self.num_envs)):
