@@ -163,7 +163,7 @@ for make in (gym.make, gym.make_vec):
     try:
         make("piec_envs/FrankaCage-v0")
     except MissingDependencyError as error:
-        assert "piec-envs[franka]" in str(error) and "capsules" in str(error), error
+        assert "[franka]'" in str(error) and "capsules" in str(error), error
     else:
         raise SystemExit("no error")
 env = gym.make("piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid")
