@@ -104,7 +104,7 @@ if "closed" not in sys.argv:
 def test_a_forked_process_draws_only_if_its_parent_did_not(when):
     opened()[0].close()  # no test where there is no OpenGL
     command = [sys.executable, "-c", FORKED, *when]
-    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=60)
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
     told = "RenderingError True" if when else "(720, 720, 3)"
     rest = [] if "closed" in when else ["(720, 720, 3)"]
     assert result.stdout.splitlines() == [told, told, "ended 0", *rest]
