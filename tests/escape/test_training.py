@@ -21,7 +21,8 @@ from piec_envs.escape.network import NetworkField  # noqa: E402
 from piec_envs.escape.samples import draw_configurations, robot_distance  # noqa: E402
 from piec_envs.escape.training import RECIPES, get_recipe, heldout, sampling, train_field, trainer  # noqa: E402
 from piec_envs.escape.training.checkpoint import read_checkpoint  # noqa: E402
-from piec_envs.escape.training.extended import ExtendedLoss, laplacian  # noqa: E402
+from piec_envs.escape.training.extended import ExtendedLoss  # noqa: E402
+from piec_envs.escape.training.jet import raw_jet  # noqa: E402
 from piec_envs.escape.training.lookahead import Paths, even_directions  # noqa: E402
 from piec_envs.escape.training.recipes import Bellman, Extended, Fitted, Labelled, Residual  # noqa: E402
 from piec_envs.escape.training.reference import FieldModule  # noqa: E402
@@ -192,6 +193,7 @@ def test_what_cannot_be_trained_is_refused(tmp_path):
         ("pinn-paper", {"boundary": 0}),
         ("pinn-paper", {"band": 0.03}),
         ("pinn-paper-viscous", {"viscosity": -0.01}),
+        ("pinn-paper-viscous", {"inputs": "skeleton"}),
         ("pinn-paper-progressive", {"ramp": 1.5}),
         ("pinn-paper-td", {"weight_td": np.nan}),
         ("pinn-paper-td", {"time_step": 0.0}),
@@ -336,6 +338,12 @@ def test_a_temporal_difference_pulls_at_the_point_and_not_at_its_target():
     assert not loss._temporal_difference(module, fixed).requires_grad
 
 
+def laplacian(slope, p):
+    """Divergence of gradients (N, 2) that were taken in the points p (N, 2), shape (N,)."""
+    rows = [torch.autograd.grad(slope[:, k].sum(), p, create_graph=True)[0][:, k] for k in (0, 1)]
+    return rows[0] + rows[1]
+
+
 @pytest.mark.parametrize("viscosity", [0.01, 0.1])
 def test_the_viscous_equation_holds_for_its_solution_at_the_ridge_too(viscosity):
     """|T'| - eps T'' = 1 on a line of half length 1; as eps falls, T becomes the distance 1 - |x|."""
@@ -345,17 +353,32 @@ def test_the_viscous_equation_holds_for_its_solution_at_the_ridge_too(viscosity)
     T = 1 - away + viscosity * (np.exp(-1 / viscosity) - torch.exp(-away / viscosity))
     (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
     loss = ExtendedLoss(tiny("pinn-paper-viscous", viscosity=viscosity), ARM, SpeedModel(), 0, "cpu")
-    left = loss._left_side(Interior(p, p, torch.ones_like(x), T, slope)).detach().numpy()
+    interior = Interior(p, p, torch.ones_like(x), T, slope, laplacian(slope, p))
+    left = loss._left_side(interior).detach().numpy()
     kept = np.abs(x.numpy()) > 1e-9
     np.testing.assert_allclose(left[kept], 1.0, rtol=1e-5)
 
 
-def test_the_laplacian_is_that_of_the_function():
-    p = torch.rand(20, 2, dtype=torch.float64, requires_grad=True)
-    x, y = p.T
-    (slope,) = torch.autograd.grad((x**3 * y + torch.sin(y)).sum(), p, create_graph=True)
-    expected = 6 * x * y - torch.sin(y)
-    torch.testing.assert_close(laplacian(slope, p), expected)
+def test_what_is_carried_forward_equals_what_is_differentiated():
+    torch.manual_seed(0)
+    module = FieldModule(6, 8, 3).double()
+    module.mean.copy_(torch.rand(6))
+    module.scale.copy_(0.5 + torch.rand(6))
+    p = torch.randn(20, 2, dtype=torch.float64, requires_grad=True)
+    q = torch.randn(20, 4, dtype=torch.float64)
+    T = torch.nn.functional.softplus(module(torch.cat([p, q], dim=1)))
+    (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
+    expected = (T, slope, laplacian(slope, p))
+    for found, true in zip(raw_jet(module, p, q), expected, strict=True):
+        torch.testing.assert_close(found, true)
+    parameters = list(module.parameters())
+    for k, true in enumerate(expected):
+        ours, theirs = (
+            torch.autograd.grad((part * part).sum(), parameters, retain_graph=True, allow_unused=True)
+            for part in (raw_jet(module, p, q)[k], true)
+        )
+        for one, other in zip(ours, theirs, strict=True):
+            torch.testing.assert_close(one, torch.zeros_like(one) if other is None else other)
 
 
 def test_progressive_speed_falls_from_u_bar_to_the_true_one():

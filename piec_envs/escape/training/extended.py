@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from piec_envs.escape.training.jet import raw_jet
 from piec_envs.escape.training.recipes import Extended
 from piec_envs.escape.training.reference import FieldModule
 from piec_envs.escape.training.residual import Interior, ResidualLoss
@@ -30,8 +31,12 @@ class ExtendedLoss(ResidualLoss):
 
     def _left_side(self, interior: Interior) -> torch.Tensor:
         """|grad T| - eps Laplacian(T), shape (N,), s/m."""
-        left, viscosity = super()._left_side(interior), self.recipe.viscosity
-        return left - viscosity * laplacian(interior.slope, interior.p) if viscosity else left
+        left, bend = super()._left_side(interior), interior.laplacian
+        return left if bend is None else left - self.recipe.viscosity * bend
+
+    def _derived(self, module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """T and its gradient in p, and its Laplacian if that counts."""
+        return raw_jet(module, p, q) if self.recipe.viscosity else super()._derived(module, p, q)
 
     def _inner_loss(self, module: FieldModule, interior: Interior) -> torch.Tensor:
         """The residual's part and the temporal difference's."""
@@ -60,12 +65,3 @@ class ExtendedLoss(ResidualLoss):
         step = self.recipe.time_step / interior.slowness
         reach = torch.minimum(step, way_out)
         return p + reach[:, None] * along, reach * interior.slowness, way_out <= step
-
-
-def laplacian(slope: torch.Tensor, p: torch.Tensor) -> torch.Tensor:
-    """Divergence of gradients (N, 2) that were taken in the points p (N, 2), shape (N,)."""
-    parts = []
-    for k in range(p.shape[1]):
-        (bend,) = torch.autograd.grad(slope[:, k].sum(), p, create_graph=True)
-        parts.append(bend[:, k])
-    return torch.stack(parts).sum(0)
