@@ -413,6 +413,20 @@ def test_the_additions_differ_from_the_papers_recipe_in_their_number_alone():
     )
 
 
+def test_the_records_say_that_no_addition_makes_the_papers_recipe_learn():
+    """As docs/fields.md and the notes of the table put it."""
+    lines = (ROOT / "results/field-accuracy/records.jsonl").read_text(encoding="utf-8").splitlines()
+    scores = {}
+    for record in map(json.loads, lines):
+        if record["spec"]["work"] == "score":
+            scores[record["spec"]["field"].get("recipe", "T_0")] = record["result"]
+    free = scores["T_0"]
+    for name in ("short", "viscous", "progressive", "td"):
+        found = scores[f"pinn-paper-{name}"]
+        assert found["rank_c"] < 0 and found["auc"] < 0.25 and found["cages"] == 0
+        assert found["H"]["median"] > 10 * free["H"]["median"]
+
+
 def test_checkpoints_are_written_now_and_then(tmp_path, monkeypatch):
     written = []
     monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
