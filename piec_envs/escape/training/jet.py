@@ -1,7 +1,7 @@
 """T with its gradient and Laplacian in the points, carried forward through the network in one pass.
 
-Differentiating a gradient twice more costs three times as much. An array of shape (4, N, F) holds a layer's
-values, their derivatives in x and y, and their Laplacians.
+Differentiating a gradient twice more costs nearly twice as much. An array of shape (4, N, F) holds
+a layer's values, their derivatives in x and y, and their Laplacians.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ def raw_jet(module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torc
     values = (torch.cat([p, q], dim=1) - module.mean) / module.scale
     jet = torch.zeros(4, *values.shape, dtype=values.dtype, device=values.device)
     jet[0] = values
-    jet[1, :, 0], jet[2, :, 1] = 1 / module.scale[0], 1 / module.scale[1]
+    jet[1, :, 0] = 1 / module.scale[0]
+    jet[2, :, 1] = 1 / module.scale[1]
     for layer in module.hidden:
         jet = _activated(_linear(layer, jet))
     z, slope_x, slope_y, bend = _linear(module.out, jet)[..., 0]
@@ -43,7 +44,10 @@ def _linear(layer: nn.Module, jet: torch.Tensor) -> torch.Tensor:
 
 
 def _activated(jet: torch.Tensor) -> torch.Tensor:
-    """x/2 (1 + u), u = x / sqrt(1 + x^2), with slope (1 + 2 u - u^3) / 2 and bend (1 - 3/2 u^2) u'."""
+    """The activation x/2 (1 + u), u = x / sqrt(1 + x^2).
+
+    Its slope is (1 + 2 u - u^3) / 2, its bend (1 - 3/2 u^2) u'.
+    """
     x, slope_x, slope_y, laplacian = jet
     inverse = torch.rsqrt(1 + x * x)
     u = x * inverse
