@@ -31,7 +31,12 @@ points: Spearman, mean over the configurations of H; C rank: over 1500 curled co
 point; AUC: enclosed or not, on C. Cosine: median of dT/dq with the exact one on H, where it is felt.
 Cages: how many of the postures that CMA-ES (100 x 100) finds with the field for three discs within 0.4 m
 of the base are closed under the hard wall, n of them; true T: their mean T by the exact grid, s. Seconds:
-training, labels included. us: a point, one core, in batches of 5000 and of 50."""
+training, labels included. us: a point, one core, in batches of 5000 and of 50.
+
+The last four rows had an eighth of the paper's 20,000 iterations: pinn-paper-short is its recipe stopped
+there, each of the others is that with one addition of the literature (docs/fields.md). None makes it learn:
+C rank below 0, AUC below 0.25, no cage. They were trained and timed beside other work on the same machine, so
+that their seconds and us, with the network of pinn-paper, say little."""
 FINE_NOTES = """\
 Relative errors of T in %, median / mean, against the second-order grid at 800 x 800: the grid that the
 other table takes for the truth, at 200 x 200, stands among the rows. P and C are thinned; n counts points.

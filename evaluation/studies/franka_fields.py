@@ -1,4 +1,4 @@
-"""How good the escape fields of the Franka are: tables, the trained network, the label-free one (paper, appendix B.2).
+"""How good the escape fields of the Franka are: tables, the trained network, label-free ones (paper, appendix B.2).
 
 Judged as those of the planar arm are, by `field_accuracy`, on sets drawn in the same way.
 """
@@ -22,7 +22,10 @@ C rank: over 1500 curled configurations at the point (0.2, 0.06), nearer than th
 of this arm reaches that one; AUC: enclosed or not, on C. Cosine: median of dT/dq with the exact one on H,
 where it is felt. Cages: how many of the postures that CMA-ES (100 x 100) finds with the field for a water jug
 within 0.4 m of the base are closed under the hard wall, n of them; true T: their mean T by the exact grid, s.
-Seconds: training, labels included. us: a point, one core, in batches of 5000 and of 50."""
+Seconds: training, labels included. us: a point, one core, in batches of 5000 and of 50.
+
+pinn-paper is the paper's recipe with all of its 20,000 iterations, trained and timed beside other work on the
+same machine, so that its seconds and us say little."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What later work adds to the paper's loss: viscosity, progressive speed, a temporal difference.
 
-Sources: see `Extended`. Each term is written for one time field T(p; q) whose zero is the circle, where
-the papers' fields are between two points.
+Sources: see `Extended`. Each term is written for one time field T(p; q) whose zero is the circle,
+where the papers' fields are between two points.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from piec_envs.escape.training.jet import raw_jet
 from piec_envs.escape.training.recipes import Extended
 from piec_envs.escape.training.reference import FieldModule
 from piec_envs.escape.training.residual import Interior, ResidualLoss
@@ -22,7 +23,8 @@ class ExtendedLoss(ResidualLoss):
 
     def _speed(self, distance: np.ndarray, iteration: int) -> np.ndarray:
         """Speeds at distances to the robot, m/s, from u_bar everywhere at first to the true ones."""
-        true, length = super()._speed(distance, iteration), self.recipe.ramp * self.recipe.iterations
+        true = super()._speed(distance, iteration)
+        length = self.recipe.ramp * self.recipe.iterations
         if iteration >= length:
             return true
         share = iteration / length
@@ -30,13 +32,23 @@ class ExtendedLoss(ResidualLoss):
 
     def _left_side(self, interior: Interior) -> torch.Tensor:
         """|grad T| - eps Laplacian(T), shape (N,), s/m."""
-        left, viscosity = super()._left_side(interior), self.recipe.viscosity
-        return left - viscosity * laplacian(interior.slope, interior.p) if viscosity else left
+        left = super()._left_side(interior)
+        if interior.laplacian is None:
+            return left
+        return left - self.recipe.viscosity * interior.laplacian
+
+    def _derived(self, module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """T and its gradient in p, and its Laplacian if that counts."""
+        if self.recipe.viscosity:
+            return raw_jet(module, p, q)
+        return super()._derived(module, p, q)
 
     def _inner_loss(self, module: FieldModule, interior: Interior) -> torch.Tensor:
         """The residual's part and the temporal difference's."""
-        loss, weight = super()._inner_loss(module, interior), self.recipe.weight_td
-        return loss + weight * self._temporal_difference(module, interior) if weight else loss
+        loss = super()._inner_loss(module, interior)
+        if not self.recipe.weight_td:
+            return loss
+        return loss + self.recipe.weight_td * self._temporal_difference(module, interior)
 
     def _temporal_difference(self, module: FieldModule, interior: Interior) -> torch.Tensor:
         """Mean square of T(p) - (dt + T(p')), p' where the point is after dt along -grad T.
@@ -53,19 +65,12 @@ class ExtendedLoss(ResidualLoss):
     def _ahead(self, interior: Interior) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Points after a time step, (N, 2), m, the time they took, (N,), s, and which are out."""
         radius = get_robot(self.robot_name).workspace_radius
-        p, slope = interior.p.detach(), interior.slope.detach()
+        p = interior.p.detach()
+        slope = interior.slope.detach()
         along = -slope / torch.sqrt((slope * slope).sum(1, keepdim=True) + 1e-12)
-        across = (p * along).sum(1)
-        way_out = torch.sqrt((across * across - (p * p).sum(1) + radius * radius).clamp(min=0)) - across
+        behind = (p * along).sum(1)
+        square = behind * behind - (p * p).sum(1) + radius * radius
+        way_out = torch.sqrt(square.clamp(min=0)) - behind
         step = self.recipe.time_step / interior.slowness
         reach = torch.minimum(step, way_out)
         return p + reach[:, None] * along, reach * interior.slowness, way_out <= step
-
-
-def laplacian(slope: torch.Tensor, p: torch.Tensor) -> torch.Tensor:
-    """Divergence of gradients (N, 2) that were taken in the points p (N, 2), shape (N,)."""
-    parts = []
-    for k in range(p.shape[1]):
-        (bend,) = torch.autograd.grad(slope[:, k].sum(), p, create_graph=True)
-        parts.append(bend[:, k])
-    return torch.stack(parts).sum(0)

@@ -189,6 +189,8 @@ class Extended(Residual):
 
     def __post_init__(self):
         super().__post_init__()
+        if self.viscosity and self.inputs != "raw":
+            raise InvalidParameterError(f"viscosity needs raw inputs, got {self.inputs!r}")
         if self.ramp > 1:
             raise InvalidParameterError(f"ramp must be at most 1, got {self.ramp}")
         if not self.time_step > 0:

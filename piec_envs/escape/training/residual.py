@@ -26,6 +26,7 @@ class Interior(NamedTuple):
     slowness: torch.Tensor  # 1 / u, (N,), s/m
     time: torch.Tensor  # T, (N,), s
     slope: torch.Tensor  # its gradient in p, (N, 2), s/m
+    laplacian: torch.Tensor | None = None  # (N,), s/m^2, where it is asked for
 
 
 class ResidualLoss:
@@ -86,9 +87,13 @@ class ResidualLoss:
         distance = robot_distance(self.robot_name, points[:, None], rows)[:, 0]
         slowness = self._tensor(1 / self._speed(distance, iteration))
         p, joints = self._tensor(points).requires_grad_(), self._tensor(rows)
-        T = self.geometry.time(module, p, joints)
+        return Interior(p, joints, slowness, *self._derived(module, p, joints))
+
+    def _derived(self, module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """T and its gradient in p."""
+        T = self.geometry.time(module, p, q)
         (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
-        return Interior(p, joints, slowness, T, slope)
+        return T, slope
 
     def _left_side(self, interior: Interior) -> torch.Tensor:
         """What the equation holds against the slowness, shape (N,), s/m."""
