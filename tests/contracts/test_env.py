@@ -48,7 +48,7 @@ REPRESENTATIVE = [
     {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"], "disturbance": [0.0, 0.005]}},
     {"object": "a4_box", "escape_every": 50},
     {"object": "paper_pack", "escape_every": 50, "inertia": "own"},
-    {"dynamics": "mujoco", "object": "a4_box_roll_1", "escape_field": None},
+    {"dynamics": "mujoco", "object": "a4_box_roll_1", "start": "home", "escape_field": None},
     {"dynamics": "mujoco", "disturbance": 0.005, "adversary": 0.5, "start_noise": (0.01, 0.05), "friction": 0.0},
     {"randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]}, "goal_conditioned": True},
 ]
@@ -75,6 +75,7 @@ ROW_CHOICES = [
     {"randomize": MIXED},
     {
         "dynamics": "mujoco",
+        "start": "home",
         "randomize": {"object": ["a4_box", "a4_box_roll_1"], "mass": [0.5, 2.0], "delay": [0.0, 0.1]},
     },
 ]
