@@ -21,7 +21,7 @@ NAMES = [path.relative_to(RESULTS).with_suffix("").as_posix() for path in PLANS]
 
 def executed(plan):
     """The joints (N + 1, n) where the plan is carried out under its own model, and whether that ends well."""
-    free = {**plan.env_kwargs, "escape_field": None, "prior": None}
+    free = {**plan.env_kwargs, "escape_field": None, "prior": None, "adversary": 0.0}
     model, start, _ = nominal_start(plan.env_id, free, plan.seed)
     motion = model.rollout(start, plan.path[None, 1:], absolute=True).motion
     return motion.q_r[0], not motion.diverged.any()
