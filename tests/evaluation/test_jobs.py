@@ -5,6 +5,7 @@ from pathlib import Path
 
 import joblib
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from evaluation.jobs import Context, Work, function_name, resolve, run_jobs, run_recorded
 from evaluation.records import read_records, to_json
@@ -26,7 +27,9 @@ def draw(tmp_path, monkeypatch):
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
-    return "draws:draw"
+    get_reusable_executor().shutdown()  # joblib's workers know the PYTHONPATH that they were started with
+    yield "draws:draw"
+    get_reusable_executor().shutdown()
 
 
 def outcome(function, jobs):
