@@ -209,6 +209,25 @@ def _start(r, m, c, dual):
 
 
 @kernel
+def _solve_rigid(r, m, dual):
+    """The same as `solve_dual` without compliance, where rows may depend on each other and answers are checked."""
+    p, blocked = 0, -1
+    for _ in range(3 * m + 10):
+        _values(r, m, p, dual)
+        enter = _most_violated(m, blocked, dual)
+        if enter < 0:
+            return p if is_answer(m, p, dual) else FAILED
+        _enter(enter, p, 0.0, dual)
+        _factor(r, p, p + 1, dual)
+        begin, p = give_way(p + 1, dual)
+        if begin < 0:
+            return FAILED
+        p = _minimise(r, begin, p, False, dual)
+        blocked = -1 if dual.multipliers[enter] > 0.0 else enter
+    return FAILED
+
+
+@kernel
 def solve_dual(rows, m, compliance, r, guess, dual):
     """Exact active-set solution of min 1/2 x^T G x + x^T r over x >= 0 (Lawson and Hanson 1974).
 
@@ -230,21 +249,17 @@ def solve_dual(rows, m, compliance, r, guess, dual):
     c = _scale_rows(rows, m, compliance, dual)
     for i in range(m):
         dual.multipliers[i] = 0.0
+    if c == 0.0:  # its multipliers are not unique: row by row there are fewest
+        return _solve_rigid(r, m, dual)
     p, blocked = 0, -1
-    if guess and c > 0.0:  # the multipliers of a rigid problem are not unique: row by row there are fewest
+    if guess:
         p = _start(r, m, c, dual)
     for _ in range(3 * m + 10):
         _values(r, m, p, dual)
         enter = _most_violated(m, blocked, dual)
         if enter < 0:
-            return p if c > 0.0 or is_answer(m, p, dual) else FAILED
+            return p
         _enter(enter, p, c, dual)
-        begin, p = p, p + 1
-        if c == 0.0:
-            _factor(r, p - 1, p, dual)
-            begin, p = give_way(p, dual)
-            if begin < 0:
-                return FAILED
-        p = _minimise(r, begin, p, False, dual)
+        p = _minimise(r, p, p + 1, False, dual)
         blocked = -1 if dual.multipliers[enter] > 0.0 else enter  # rounding sent it straight out again
     return FAILED
