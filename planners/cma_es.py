@@ -24,7 +24,7 @@ from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
 from planners.configuration import enclosing_posture
 from planners.interrupted import PlanningInterrupted
-from planners.objectives import Objective, PathCost, get_objective
+from planners.objectives import DIVERGENCE_WEIGHT, Objective, PathCost, get_objective
 from planners.strategy import NOISE_STREAM, make_strategy
 from planners.via_points import ViaPointTrajectory
 
@@ -267,7 +267,7 @@ class _Search:
     def best_plan(self, env_id: str, nominal: dict[str, Any]) -> Plan:
         """Re-simulate the realised path of each result and keep the cheapest, of those that come home if any does."""
         plans = [self._make_plan(env_id, nominal, self._limit(x)) for _, x in self.found]
-        return min(plans, key=lambda plan: (plan.nominal["d2g"] > 0, plan.cost))
+        return min(plans, key=lambda plan: (plan.nominal["d2g"] > 0 or plan.cost >= DIVERGENCE_WEIGHT, plan.cost))
 
     def _make_plan(self, env_id: str, nominal: dict[str, Any], via: np.ndarray) -> Plan:
         return realised_plan(

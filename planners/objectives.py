@@ -20,6 +20,7 @@ from piec_envs.world.scene import pack_scene
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
+DIVERGENCE_WEIGHT = 1e6  # per step that a simulation did not reach, likewise
 MISS_MARGIN = 0.02  # m; disturbed runs are to end in a region smaller by this much
 
 
@@ -117,7 +118,7 @@ class PathCost:
         )
 
     def nominal(self, path: np.ndarray) -> np.ndarray:
-        """Summed stage cost of each path without noise, and the penalty on links that cross.
+        """Summed stage cost of each path without noise, and the penalties on links that cross and on divergence.
 
         Args:
             path: absolute joint positions, shape (B, N, n).
@@ -126,10 +127,10 @@ class PathCost:
             Shape (B,).
         """
         rollout = self._run(path)
-        return rollout.cost + self._crossed(rollout)
+        return rollout.cost + self._crossed(rollout) + _unreached(rollout)
 
     def disturbed(self, path: np.ndarray, samples: State) -> np.ndarray:
-        """The nominal cost with its task term averaged over disturbed runs, and a penalty on their misses.
+        """The nominal cost with its task term averaged over disturbed runs, with penalties on misses and divergence.
 
         The disturbed runs follow the joint path that the nominal run realised, since that is what will
         be executed: a commanded path can press on the object, the realised one only encloses it.
@@ -153,7 +154,8 @@ class PathCost:
         excess = (nominal + task) / (1 + count) - nominal
         beyond = noisy.column("goal_distance")[:, -1].reshape(rows, count) - (GOAL_RADIUS - MISS_MARGIN)
         miss = self.batch.weights.miss * np.maximum(0.0, beyond).mean(axis=1)
-        return rollout.cost + self.batch.weights.task * excess + miss + self._crossed(rollout)
+        cost = rollout.cost + self.batch.weights.task * excess + miss + self._crossed(rollout)
+        return cost + _unreached(rollout) + _unreached(noisy).reshape(rows, count).mean(axis=1)
 
     def _run(self, path: np.ndarray) -> Rollout:
         return self.batch.rollout(self.start, path, absolute=True)
@@ -161,3 +163,8 @@ class PathCost:
     def _crossed(self, rollout: Rollout) -> np.ndarray:
         """Penalty on links that cross each other, shape (B,)."""
         return CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])
+
+
+def _unreached(rollout: Rollout) -> np.ndarray:
+    """Penalty on what a row that has diverged leaves out, shape (B,): it rests, which looks cheap."""
+    return DIVERGENCE_WEIGHT * rollout.motion.diverged.sum(axis=1)

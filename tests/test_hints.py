@@ -63,8 +63,8 @@ def test_a_clone_is_installed_from_itself(monkeypatch, tmp_path):
         (None, 'pip install "piec-envs[rl]"'),
         ({"url": "file:///home/ann/my%20clone", "dir_info": {}}, 'pip install "/home/ann/my clone[rl]"'),
         (
-            {"url": "file:///tmp/piec_envs-0.1.0-py3-none-any.whl", "archive_info": {}},
-            'pip install "piec-envs[rl] @ file:///tmp/piec_envs-0.1.0-py3-none-any.whl"',
+            {"url": "file:///wheels/piec_envs-0.1.0-py3-none-any.whl", "archive_info": {}},
+            'pip install "piec-envs[rl] @ file:///wheels/piec_envs-0.1.0-py3-none-any.whl"',
         ),
         (
             {"url": "https://example.org/piec.git", "vcs_info": {"vcs": "git", "commit_id": "abc"}},
