@@ -9,6 +9,7 @@ import numpy as np
 from piec_envs.dynamics.base import INERTIAS, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
 from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
 from piec_envs.dynamics.reference import rollout_rows_osqp
+from piec_envs.dynamics.rigid import FAILED
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.parallel import run_rows
 from piec_envs.world.objects import get_object
@@ -39,7 +40,8 @@ class QuasiDynamics:
         if model.compliance < 0 or model.push_out < 0:
             raise InvalidParameterError(f"compliance and push_out must be at least 0, got {model}")
         self._models = {name: model._replace(own_inertia=name == "own") for name in INERTIAS}
-        self.solver, self.threads = solver, threads  # not the kernel itself, which a copy would compile anew
+        self.solver = solver  # not the kernel itself, which a copy would compile anew
+        self.threads = threads
 
     def rollout(
         self,
@@ -72,7 +74,7 @@ class QuasiDynamics:
                 SOLVERS[self.solver], len(rows), threads, rows, scene, model,
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
             )  # fmt: skip
-        motion.hold_diverged(motion.active < 0)  # FAILED
+        motion.hold_diverged(motion.active == FAILED)
         return motion
 
     def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
