@@ -13,7 +13,7 @@ from piec_envs.errors import InvalidStateError
 from piec_envs.world.robots import get_robot
 
 CONTROL_PERIOD = 0.1  # h, s
-POSITION_LIMIT = 10.0  # m from the origin along x and y, as far as observations reach; an object beyond has diverged
+POSITION_LIMIT = 10.0  # m from the origin along x and y; an object beyond has diverged, and no observation shows it
 TOUCH_DISTANCE = 1e-3  # m; links nearer than this count as in contact
 INERTIAS = ("paper", "own")  # how readily a model of first order turns the object; see `ContactModel.own_inertia`
 NO_MEMORY = np.zeros(0)  # of a row whose joints and object pose say everything

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from piec_envs.dynamics.base import POSITION_LIMIT
 from piec_envs.kernels import batch_kernel
 from piec_envs.world.robots import Robot
 
-POSITION_BOUND = 10.0  # m; positions are clipped here so that the space is bounded
+POSITION_BOUND = POSITION_LIMIT  # m; positions are clipped here so that the space is bounded
 JOINT_BOUND = 1.5  # joint positions over their limits; a pressed joint can pass its limit a little
 
 
