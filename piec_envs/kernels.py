@@ -11,42 +11,38 @@ written. There is no other fastmath: row i of a batch must be bit-equal to a bat
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from numba import njit
 
 from piec_envs.compilation import announce_compilation
+from piec_envs.console import note
 
 
-def _compiled(**options: Any) -> Callable[[Callable], Any]:
-    """A decorator that compiles a function with Numba's options."""
-
-    def decorate(function: Callable) -> Any:
-        try:
-            return njit(cache=True, **options)(function)
-        except RuntimeError as error:  # Numba finds no folder that it can write
-            if "cannot cache" not in str(error):
-                raise
-            _say_unkept()
-            return njit(**options)(function)
-
-    return decorate
+def _compiled(function: Callable, **options: Any) -> Any:
+    """A function compiled with Numba's options, and kept on disk where that can be."""
+    try:
+        return njit(cache=True, **options)(function)
+    except RuntimeError as error:  # Numba finds no folder that it can write
+        if "cannot cache" not in str(error):
+            raise
+        _say_unkept()
+        return njit(**options)(function)
 
 
 @cache
 def _say_unkept() -> None:
-    print(
-        "piec_envs: neither the installation nor a home folder can be written, so that every process compiles for "
-        "minutes; set NUMBA_CACHE_DIR to a folder that keeps what is compiled",
-        file=sys.stderr,
-        flush=True,
+    note(
+        "neither the installation nor a home folder can be written, so that every process compiles "
+        "for minutes; set NUMBA_CACHE_DIR to a folder that keeps what is compiled"
     )
 
 
-batch_kernel = _compiled(nogil=True, error_model="numpy")
-kernel = _compiled(nogil=True, error_model="numpy", _nrt=False)
-lane_kernel = _compiled(nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"})
+batch_kernel = partial(_compiled, nogil=True, error_model="numpy")
+kernel = partial(_compiled, nogil=True, error_model="numpy", _nrt=False)
+lane_kernel = partial(
+    _compiled, nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"}
+)
 announce_compilation()

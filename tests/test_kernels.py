@@ -30,14 +30,17 @@ def run_read_only(home: Path, **variables: str) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=env, check=True)
 
 
-@pytest.mark.parametrize("where", ["nowhere", "home", "variable"])
+@pytest.mark.parametrize("where", ["nowhere", "nowhere, quiet", "home", "variable"])
 def test_a_read_only_installation_works_and_says_what_to_set_where_nothing_is_kept(tmp_path, where):
     file = tmp_path / "file"
     file.write_bytes(b"")
     home = tmp_path / "home" if where == "home" else file / "home"  # no folder can be made below a file
-    chosen = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")} if where == "variable" else {}
-    result = run_read_only(home, **chosen)
+    variables = {
+        "nowhere, quiet": {"PIEC_QUIET": "1"},
+        "variable": {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},
+    }
+    result = run_read_only(home, **variables.get(where, {}))
     assert result.stdout == "[[2.0, 2.0], [1.0, 3.0]]\n"
     lines = [line for line in result.stderr.splitlines() if "NUMBA_CACHE_DIR" in line]
     assert lines == result.stderr.splitlines() and len(lines) == (where == "nowhere")
-    assert any(tmp_path.rglob("*._place-*.nbc")) == (where != "nowhere")
+    assert any(tmp_path.rglob("*._place-*.nbc")) == (where in ("home", "variable"))

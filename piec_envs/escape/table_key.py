@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 CODE = "piec_envs.escape.tabulation"  # what computes tables; it reaches all other modules that have a part in it
-NO_PART = frozenset({"piec_envs.errors", "piec_envs.parallel"})  # reached too, but no number comes from them
+# Reached too, but no number comes from them, nor from what they alone reach.
+NO_PART = frozenset(f"piec_envs.{name}" for name in ("compilation", "console", "errors", "parallel"))
 
 
 def table_key(*inputs: Any) -> str:

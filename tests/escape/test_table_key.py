@@ -98,6 +98,7 @@ def test_the_code_of_every_kernel_that_makes_a_table_counts(monkeypatch):
     needed = kernels_reached(sys.modules["piec_envs.escape.tabulation"]._tabulate, {})
     assert {"piec_envs.geometry.kinematics", "piec_envs.geometry.distance"} < needed  # the walk finds what is known
     assert needed | {"piec_envs.kernels"} <= set(read)
+    assert not {"piec_envs.compilation", "piec_envs.console"} & set(read)  # what is said to users decides no number
 
 
 @pytest.mark.parametrize("module", ["piec_envs.geometry.distance", "piec_envs.escape.marching", "piec_envs.kernels"])
