@@ -26,13 +26,18 @@ class UnknownNameError(PiecError, ValueError):
 
     def __init__(self, kind: str, name: object, known: Iterable[object]):
         self._given: tuple = (kind, name, tuple(known))
-        names = sorted(map(str, self._given[2]))
-        close = closest(name, names)
-        hint = f" Did you mean {close!r}?" if close is not None else ""
-        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(names)}.{hint}")
+        super().__init__(f"unknown {kind} {name!r}; {_choices(name, self._given[2])}")
 
     def __reduce__(self):
         return type(self), self._given  # so that it crosses process borders
+
+
+def _choices(name: object, known: Iterable[object]) -> str:
+    """The known names, and the one that was probably meant."""
+    names = sorted(map(str, known))
+    close = closest(name, names)
+    hint = f" Did you mean {close!r}?" if close is not None else ""
+    return f"known: {', '.join(names)}.{hint}"
 
 
 def closest(name: object, known: Iterable[str]) -> str | None:
@@ -43,12 +48,12 @@ def closest(name: object, known: Iterable[str]) -> str | None:
         known: the valid names.
     """
     plain = str(name).casefold()
-    by_plain: dict[str, list[str]] = {}
+    by_plain: dict[str, str] = {}
     for one in known:
-        by_plain.setdefault(one.casefold(), []).append(one)
-        by_plain.setdefault(one.casefold().rpartition("/")[2], []).append(one)  # an id without its namespace
+        by_plain.setdefault(one.casefold(), one)
+        by_plain.setdefault(one.casefold().rpartition("/")[2], one)  # an id without its namespace
     close = difflib.get_close_matches(plain, by_plain, n=1)
-    return by_plain[close[0]][0] if close else None
+    return by_plain[close[0]] if close else None
 
 
 def check_name(kind: str, name: object, known: Iterable[object]) -> None:
@@ -76,14 +81,11 @@ class UnknownArgumentError(UnknownNameError, TypeError):
     """
 
     def __init__(self, name: str, known: Iterable[str] | None = None):
-        super().__init__("keyword argument", name, () if known is None else known)
-        if known is None:
-            self._given = (name,)
-            self.args = (name,)
-        else:
-            self._given = (name, self._given[2])
-            detail = str(self).partition("; ")[2]
-            self.args = (f"got an unexpected keyword argument {name!r}; {detail}",)
+        self._given = (name,) if known is None else (name, tuple(known))
+        text = name
+        if known is not None:
+            text = f"got an unexpected keyword argument {name!r}; {_choices(name, self._given[1])}"
+        PiecError.__init__(self, text)
 
 
 def check_arguments(given: Iterable[str], known: Iterable[str]) -> None:

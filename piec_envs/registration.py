@@ -6,9 +6,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
-from piec_envs.errors import InvalidParameterError, UnknownNameError, check_name
-
-HORIZON = 1000
+from piec_envs.errors import InvalidParameterError, PiecError, UnknownNameError, check_name
 
 
 class Entry(NamedTuple):
@@ -17,12 +15,12 @@ class Entry(NamedTuple):
     Args:
         entry_point: the single env, `module:class`.
         vector_entry_point: the VectorEnv.
-        max_episode_steps: steps of an episode of motion; None for tasks that end by themselves.
+        motion: whether an episode is a motion; False for static caging, which ends with its first step.
     """
 
     entry_point: str
     vector_entry_point: str
-    max_episode_steps: int | None = HORIZON
+    motion: bool = True
 
 
 ENVS = {
@@ -33,10 +31,10 @@ ENVS = {
         "piec_envs.env:PlanarArmTrackEnv", "piec_envs.vector_env:PlanarArmTrackVectorEnv"
     ),
     "piec_envs/PlanarArmCage-v0": Entry(
-        "piec_envs.cage_env:PlanarArmCageEnv", "piec_envs.cage_env:PlanarArmCageVectorEnv", None
+        "piec_envs.cage_env:PlanarArmCageEnv", "piec_envs.cage_env:PlanarArmCageVectorEnv", motion=False
     ),
     "piec_envs/FrankaCage-v0": Entry(
-        "piec_envs.franka_env:FrankaCageEnv", "piec_envs.franka_env:FrankaCageVectorEnv", None
+        "piec_envs.franka_env:FrankaCageEnv", "piec_envs.franka_env:FrankaCageVectorEnv", motion=False
     ),
     "piec_envs/FrankaPush-v0": Entry("piec_envs.franka_env:FrankaPushEnv", "piec_envs.franka_env:FrankaPushVectorEnv"),
     "piec_envs/MobileFrankaPush-v0": Entry(
@@ -46,7 +44,7 @@ ENVS = {
         "piec_envs.franka_env:MobileFrankaTrackEnv", "piec_envs.franka_env:MobileFrankaTrackVectorEnv"
     ),
 }
-MOTIONS = tuple(env_id for env_id, entry in ENVS.items() if entry.max_episode_steps)  # what plans are made for
+MOTIONS = tuple(env_id for env_id, entry in ENVS.items() if entry.motion)  # what plans are made for
 
 
 class NoMotionError(UnknownNameError):
@@ -57,15 +55,13 @@ class NoMotionError(UnknownNameError):
     """
 
     def __init__(self, env_id: str):
-        super().__init__("environment of motion", env_id, MOTIONS)
-        self.args = (
+        self._given = (env_id,)
+        PiecError.__init__(
+            self,
             f"{env_id!r} is static caging: an episode is one posture, so that there is no motion to plan, to train "
             f"or to execute. Environments of motion: {', '.join(MOTIONS)}. Postures are searched for by "
             "planners.CmaEsConfiguration, SqpConfiguration and ExhaustiveConfiguration",
         )
-
-    def __reduce__(self):
-        return type(self), (self._given[1],)
 
 
 def check_motion(env_id: Any) -> None:
@@ -78,8 +74,8 @@ def check_motion(env_id: Any) -> None:
         InvalidParameterError: for an environment object instead of an id.
         UnknownNameError: for an unknown id, or one of static caging.
     """
-    made = getattr(env_id, "spec", None)
     if isinstance(env_id, gym.Env | gym.vector.VectorEnv):
+        made = env_id.spec
         own = f"; pass {made.id!r} and its keyword arguments" if made is not None else ""
         raise InvalidParameterError(
             f"an environment is named by its id, such as {MOTIONS[0]!r}, but an environment object was given: "
