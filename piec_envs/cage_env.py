@@ -12,20 +12,14 @@ from gymnasium.vector import AutoresetMode
 
 from piec_envs.episodes.cage import CageBatch, CageConfig
 from piec_envs.episodes.info import row_info
-from piec_envs.errors import (
-    InvalidActionError,
-    ResetNeededError,
-    as_count,
-    as_floats,
-    check_arguments,
-    check_name,
-)
+from piec_envs.errors import InvalidActionError, ResetNeededError, as_count, as_floats, check_arguments
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.native_vector import (
     ENV_ARGUMENTS,
     RENDER_MODES,
     SEED_BOUND,
     NativeVectorEnv,
+    checked_dtype,
     keeping_generator,
     take_row,
 )
@@ -58,9 +52,8 @@ class CageInterface:
     """
 
     def __init__(self, batch: CageBatch, dtype: str, render_mode: str | None):
-        check_name("dtype", dtype, ("float64", "float32"))
-        check_name("render_mode", render_mode, (None, *RENDER_MODES))
-        self.batch, self.dtype = batch, np.dtype(dtype)
+        self.batch = batch
+        self.dtype = checked_dtype(dtype, render_mode)
         radius = batch.robot.workspace_radius
         bound = np.array([radius, radius, 1.0, 1.0], dtype=self.dtype)
         self.observation_space: spaces.Space = spaces.Box(-bound, bound, dtype=self.dtype)

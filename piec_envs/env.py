@@ -233,8 +233,8 @@ class PlanarArmTrackEnv(MotionEnv):
 
     **Observation.** Box(25,): before the time stands the reference of the next step minus the object.
 
-    **Reward.** The task term is the distance to the reference point of this time (with
-    `preset="paper"` to the nearest of 50 points of the reference).
+    **Reward.** The task term is the distance to the reference point of this time (with the paper's
+    presets to the nearest of 50 points of the reference).
 
     **Task.** The reference leaves (0.55, 0.25), reaches (-0.3, 0.4) after 900 steps at constant
     angular speed around the base, and rests there.

@@ -147,7 +147,7 @@ class MobileFrankaTrackEnv(MotionEnv):
 
     **Observation.** Box(25,): before the time stands the reference of the next step minus the object.
 
-    **Reward.** The task term is the distance to the reference point of this time (with `preset="paper"` to
+    **Reward.** The task term is the distance to the reference point of this time (with the paper's presets to
     the nearest of 50 points of the reference).
 
     **Task.** The reference is an arc of 120 degrees between start and goal to the right of the straight line

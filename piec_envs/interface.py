@@ -12,8 +12,8 @@ from piec_envs.episodes.info import batch_info
 from piec_envs.episodes.observation import POSITION_BOUND, observation_bound, observation_layout
 from piec_envs.episodes.state import State
 from piec_envs.episodes.tasks import GOAL_RADIUS, REWARD_SCALE
-from piec_envs.errors import InvalidParameterError, check_name
-from piec_envs.native_vector import RENDER_MODES
+from piec_envs.errors import InvalidParameterError
+from piec_envs.native_vector import checked_dtype
 
 
 class Interface:
@@ -26,10 +26,8 @@ class Interface:
     """
 
     def __init__(self, batch: EpisodeBatch, dtype: str, render_mode: str | None):
-        check_name("dtype", dtype, ("float64", "float32"))
-        check_name("render_mode", render_mode, (None, *RENDER_MODES))
         self.batch = batch
-        self.dtype = np.dtype(dtype)
+        self.dtype = checked_dtype(dtype, render_mode)
         self.mode = batch.config.goal_conditioned
         self.layout = observation_layout(batch.robot, batch.tracking)
         bound = observation_bound(batch.robot, batch.tracking).astype(self.dtype)

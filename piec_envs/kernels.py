@@ -42,7 +42,5 @@ def _say_unkept() -> None:
 
 batch_kernel = partial(_compiled, nogil=True, error_model="numpy")
 kernel = partial(_compiled, nogil=True, error_model="numpy", _nrt=False)
-lane_kernel = partial(
-    _compiled, nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"}
-)
+lane_kernel = partial(_compiled, nogil=True, error_model="numpy", _nrt=False, fastmath={"contract"})
 announce_compilation()

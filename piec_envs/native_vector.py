@@ -57,6 +57,21 @@ class Face(Protocol):
         ...
 
 
+def checked_dtype(dtype: str, render_mode: str | None) -> np.dtype:
+    """The type of the observations, of keyword arguments that every environment has.
+
+    Args:
+        dtype: "float64" or "float32".
+        render_mode: None or "rgb_array".
+
+    Raises:
+        UnknownNameError: if one of them is something else.
+    """
+    check_name("dtype", dtype, ("float64", "float32"))
+    check_name("render_mode", render_mode, (None, *RENDER_MODES))
+    return np.dtype(dtype)
+
+
 def take_row(observation: Any, row: int = 0) -> Any:
     """One row of a batch of observations, an array or a dict of arrays."""
     if isinstance(observation, dict):

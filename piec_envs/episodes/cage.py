@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.episodes.plain import plain
+from piec_envs.episodes.plain import make_plain
 from piec_envs.episodes.posture import FEASIBLE, CagingProblem
 from piec_envs.errors import InvalidActionError, InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import (
@@ -55,8 +55,7 @@ class CageConfig:
     threads: int | None = None
 
     def __post_init__(self):
-        for item in dataclasses.fields(self):  # NumPy's numbers and arrays are taken as what they stand for
-            object.__setattr__(self, item.name, plain(getattr(self, item.name)))
+        make_plain(self)
         get_object(self.object)
         if self.threads is not None:
             as_count("threads", self.threads)

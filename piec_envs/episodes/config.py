@@ -12,7 +12,7 @@ import numpy as np
 from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.quasi_dynamic import SOLVERS
 from piec_envs.dynamics.table import DynamicsOptions
-from piec_envs.episodes.plain import plain
+from piec_envs.episodes.plain import make_plain
 from piec_envs.episodes.reach import goal_ring
 from piec_envs.episodes.start_postures import checked_start, start_posture
 from piec_envs.episodes.state import PlantParams, check_randomize
@@ -95,8 +95,7 @@ class EnvConfig:
     robot: str = "auto"
 
     def __post_init__(self):
-        for item in dataclasses.fields(self):  # NumPy's numbers and arrays are taken as what they stand for
-            object.__setattr__(self, item.name, plain(getattr(self, item.name)))
+        make_plain(self)
         task = get_task(self.task)
         for name, own in (("robot", task.robot), ("object", task.object)):
             if getattr(self, name) == "auto":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from enum import Enum
@@ -31,3 +32,13 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.dtype):
         return value.name
     return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def make_plain(item: Any) -> None:
+    """Take the fields of a frozen dataclass, while it is made, for what NumPy's numbers and arrays stand for.
+
+    Args:
+        item: the dataclass; see `plain` for what becomes of its fields.
+    """
+    for field in dataclasses.fields(item):
+        object.__setattr__(item, field.name, plain(getattr(item, field.name)))

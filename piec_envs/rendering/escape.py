@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from piec_envs.episodes.cage import HARD_WALL
 from piec_envs.escape.base import BatchedField, FieldMap
 from piec_envs.escape.between import distance_at
-from piec_envs.escape.field import CAGING_SCALE, key_points_world, object_escape_time
+from piec_envs.escape.field import CAGING_SCALE, key_points_world, make_field, object_escape_time
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import PATH, cased_line, escape_line, rim
@@ -74,7 +76,8 @@ def enclosed_points(robot_name: str, points: np.ndarray, q: np.ndarray, speed: S
     Returns:
         Shape (k,).
     """
-    return np.isinf(picture_field(robot_name, replace(speed, leak=0.0)).query(points, q))
+    field = make_field("grid", robot_name, speed=replace(speed, leak=0.0), threads=1, **HARD_WALL)
+    return np.isinf(field.query(points, q))
 
 
 def solve_escape(
@@ -122,7 +125,8 @@ def wall_depth(field: BatchedField, way: np.ndarray, q: np.ndarray) -> np.ndarra
 
 def in_wall(field: BatchedField, way: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Which points of a way lie in the wall, shape (m,); what only grazes its edge does not; see `wall_depth`."""
-    depth, spacing = wall_depth(field, way, q), 2 * get_robot(field.robot_name).workspace_radius / RESOLUTION
+    depth = wall_depth(field, way, q)
+    spacing = 2 * get_robot(field.robot_name).workspace_radius / RESOLUTION
     walled = depth >= 0
     for run in runs(walled):
         walled[run] &= depth[run].max() > GRAZE * spacing
@@ -132,7 +136,7 @@ def in_wall(field: BatchedField, way: np.ndarray, q: np.ndarray) -> np.ndarray:
 def runs(flags: np.ndarray) -> list[slice]:
     """Stretches of equal flags, one after the other, as slices of the array (m,)."""
     edges = [0, *(np.flatnonzero(np.diff(flags)) + 1).tolist(), len(flags)]
-    return [slice(first, last) for first, last in zip(edges, edges[1:], strict=False)]
+    return [slice(first, last) for first, last in pairwise(edges)]
 
 
 # --- drawing -----------------------------------------------------------------------------------
@@ -151,9 +155,9 @@ def draw_way(ax: Axes, way: np.ndarray, walled: np.ndarray, enclosed: bool, **st
     line = escape_line(way)
     dashed = np.ones(len(line), dtype=bool) if enclosed else walled
     for run in runs(dashed):
-        first, last = max(run.start - 1, 0), run.stop  # joined to the stretch before
+        first = max(run.start - 1, 0)  # joined to the stretch before
         kind = DASHED if dashed[run.start] else {}
-        cased_line(ax, line[first:last], **{**LINE, **kind, **style})
+        cased_line(ax, line[first : run.stop], **{**LINE, **kind, **style})
 
 
 def draw_escape(ax: Axes, escape: Escape, **style: Any) -> None:

@@ -197,8 +197,8 @@ class Extended(Residual):
             raise InvalidParameterError(f"time_step must be above 0, got {self.time_step}")
 
 
-# the paper's network and optimiser (appendix A.1.1)
-PAPER: dict[str, Any] = {
+# The paper's network and optimiser (appendix A.1.1).
+_PAPER: dict[str, Any] = {
     "inputs": "raw",
     "width": 256,
     "depth": 6,
@@ -206,7 +206,18 @@ PAPER: dict[str, Any] = {
     "learning_rate": 1e-3,
     "schedule": "halving",
 }
-SHORT = 2500  # iterations, an eighth of the paper's 20,000
+_SHORT = 2500  # iterations, an eighth of the paper's 20,000
+
+
+def _with_addition(what: str, **numbers: float) -> Extended:
+    """The paper's recipe, an eighth as long, with one of the additions."""
+    return Extended(
+        description=f"the paper's, an eighth as long, with {what}",
+        iterations=_SHORT,
+        **numbers,
+        **_PAPER,
+    )
+
 
 RECIPES: dict[str, Recipe] = {
     "network": Labelled(description="labels of the second-order grid", iterations=40_000),
@@ -216,31 +227,16 @@ RECIPES: dict[str, Recipe] = {
     "pinn-paper": Residual(
         description="the paper's recipe to the letter",
         iterations=20_000,
-        **PAPER,
+        **_PAPER,
     ),
     "pinn-paper-short": Residual(
         description="the first eighth of the paper's training",
-        iterations=SHORT,
-        **PAPER,
+        iterations=_SHORT,
+        **_PAPER,
     ),
-    "pinn-paper-viscous": Extended(
-        description="the paper's, an eighth as long, with a viscosity term",
-        iterations=SHORT,
-        viscosity=0.01,
-        **PAPER,
-    ),
-    "pinn-paper-progressive": Extended(
-        description="the paper's, an eighth as long, with progressive speed",
-        iterations=SHORT,
-        ramp=0.5,
-        **PAPER,
-    ),
-    "pinn-paper-td": Extended(
-        description="the paper's, an eighth as long, with a temporal difference",
-        iterations=SHORT,
-        weight_td=10.0,
-        **PAPER,
-    ),
+    "pinn-paper-viscous": _with_addition("a viscosity term", viscosity=0.01),
+    "pinn-paper-progressive": _with_addition("progressive speed", ramp=0.5),
+    "pinn-paper-td": _with_addition("a temporal difference", weight_td=10.0),
     "pinn-factorised": Residual(
         description="label-free: scaled residual, T = T_0 exp(.), geometric features",
         iterations=5000,
