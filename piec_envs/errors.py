@@ -81,10 +81,13 @@ class UnknownArgumentError(UnknownNameError, TypeError):
     """
 
     def __init__(self, name: str, known: Iterable[str] | None = None):
-        self._given = (name,) if known is None else (name, tuple(known))
-        text = name
-        if known is not None:
-            text = f"got an unexpected keyword argument {name!r}; {_choices(name, self._given[1])}"
+        if known is None:
+            self._given = (name,)
+            text = name
+        else:
+            known = tuple(known)
+            self._given = (name, known)
+            text = f"got an unexpected keyword argument {name!r}; {_choices(name, known)}"
         PiecError.__init__(self, text)
 
 

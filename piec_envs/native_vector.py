@@ -13,7 +13,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from piec_envs.episodes.info import with_masks
-from piec_envs.errors import InvalidActionError, InvalidParameterError, ResetNeededError, as_count, check_name
+from piec_envs.errors import (
+    InvalidActionError,
+    InvalidParameterError,
+    ResetNeededError,
+    as_count,
+    as_floats,
+    check_name,
+)
 from piec_envs.spec import PlainSpec
 
 SEED_BOUND = 2**63 - 1  # of the episode seeds drawn from a generator
@@ -30,7 +37,7 @@ class Episodes(Protocol):
         ...
 
     def step(self, actions: np.ndarray) -> None:
-        """Advance all rows by one step."""
+        """Advance all rows by one step; the actions (B, n) have been checked."""
         ...
 
 
@@ -169,7 +176,8 @@ class NativeVectorEnv(PlainSpec, VectorEnv):
         options = dict(options or {})
         mask = self._check_mask(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         rows = np.flatnonzero(mask)
-        seeds, generators = self._seeds(seed), self._generators
+        seeds = self._seeds(seed)
+        generators = self._generators
         with rewinding(generators[row] for row in rows if seeds[row] is None):
             self._generators = list(generators)
             for row in rows:
@@ -193,7 +201,8 @@ class NativeVectorEnv(PlainSpec, VectorEnv):
         begin = self._ended & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
         if begin.any():  # these rows ignore their action, even one that is not finite, and begin anew
             actions = self._without(actions, begin)
-        self._episodes.step(actions)
+        shape = (self.num_envs, *self._interface.action_space.shape)
+        self._episodes.step(as_floats("actions", actions, shape, InvalidActionError))
         self._elapsed += 1
         if begin.any():
             self._begin(np.flatnonzero(begin), {})
@@ -233,7 +242,7 @@ class NativeVectorEnv(PlainSpec, VectorEnv):
             )
 
     def _without(self, actions: Any, rows: np.ndarray) -> Any:
-        """Actions with zeros in some rows; what is no batch of actions stays, for the episodes to refuse."""
+        """Actions with zeros in some rows; what is no batch of actions stays, to be refused."""
         if np.shape(actions) != self.action_space.shape:
             return actions
         actions = np.array(actions)

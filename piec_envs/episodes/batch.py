@@ -174,13 +174,8 @@ class EpisodeBatch:
         """Advance all rows by one action, which lasts `action_repeat` steps.
 
         Args:
-            actions: shape (B, n), in [-1, 1].
-
-        Raises:
-            InvalidActionError: if the actions have the wrong shape or are not finite.
+            actions: finite, shape (B, n), in [-1, 1]; who takes them from the user checks them.
         """
-        shape = (self.state.rows, self.robot.dof)
-        actions = as_floats("actions", actions, shape, InvalidActionError)
         values = actions[:, None]
         if self.config.action_repeat > 1:
             values = np.repeat(values, self.config.action_repeat, axis=1)

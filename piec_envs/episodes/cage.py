@@ -11,7 +11,7 @@ import numpy as np
 
 from piec_envs.episodes.plain import make_plain
 from piec_envs.episodes.posture import FEASIBLE, CagingProblem
-from piec_envs.errors import InvalidActionError, InvalidParameterError, as_count, as_floats, check_name
+from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
 from piec_envs.escape.field import (
     CAGING_SCALE,
     EscapeField,
@@ -146,12 +146,9 @@ class CageBatch:
         """Take the posture that each action stands for; rows that have ended stay as they are.
 
         Args:
-            actions: shape (B, n), in [-1, 1] from the lower to the upper joint limits.
-
-        Raises:
-            InvalidActionError: if the actions have the wrong shape or are not finite.
+            actions: finite, shape (B, n), in [-1, 1] from the lower to the upper joint limits; who takes
+                them from the user checks them.
         """
-        actions = as_floats("actions", actions, self.q_r.shape, InvalidActionError)
         rows = np.flatnonzero(~self.done)
         if len(rows) == 0:
             return

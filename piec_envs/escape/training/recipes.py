@@ -209,7 +209,7 @@ _PAPER: dict[str, Any] = {
 _SHORT = 2500  # iterations, an eighth of the paper's 20,000
 
 
-def _with_addition(what: str, **numbers: float) -> Extended:
+def _with_addition(what: str, **numbers: Any) -> Extended:
     """The paper's recipe, an eighth as long, with one of the additions."""
     return Extended(
         description=f"the paper's, an eighth as long, with {what}",
