@@ -101,12 +101,14 @@ def rewinding(generators: Iterable[np.random.Generator | None]) -> Iterator[None
 @contextmanager
 def keeping_generator(env: gym.Env) -> Iterator[None]:
     """Give a single environment its generator back, as it was, if the block ends with an error."""
-    generator, seed = env._np_random, env._np_random_seed
+    generator = env._np_random
+    seed = env._np_random_seed
     with rewinding([generator]):
         try:
             yield
         except BaseException:
-            env._np_random, env._np_random_seed = generator, seed
+            env._np_random = generator
+            env._np_random_seed = seed
             raise
 
 

@@ -29,12 +29,12 @@ def goal_ring(robot_name: str, object_name: str) -> tuple[float, float]:
     Raises:
         UnknownNameError: if a table has no such row.
     """
-    robot, item = get_robot(robot_name), get_object(object_name)
+    robot = get_robot(robot_name)
+    item = get_object(object_name)
     if robot.base_dof:
         return 0.0, float(robot.joint_array("upper")[: robot.base_dof].min())
-    base = max(
-        (depth_inside(s, np.zeros(2)) for link in robot.links if link.frame == 1 for s in link.shapes), default=0.0
-    )
+    turning = [shape for link in robot.links if link.frame == 1 for shape in link.shapes]
+    base = max((depth_inside(shape, np.zeros(2)) for shape in turning), default=0.0)
     core = max(0.0, *(depth_inside(shape, np.zeros(2)) for shape in item.shapes))
     least = base + core - GOAL_RADIUS if base > 0 else 0.0
     reach = float(pack_scene(robot_name, object_name).reach[0]) + item.bounding_radius + GOAL_RADIUS

@@ -44,7 +44,8 @@ class StartSampler:
 
     def _check_start(self) -> None:
         """Refuse joint positions in which no user's state could begin."""
-        name, pose = self.config.object, self.task.start
+        name = self.config.object
+        pose = self.task.start
         overlap = self._overlap(name, self.posture, pose)
         if overlap > ALLOWED_PENETRATION:
             raise InvalidParameterError(

@@ -272,8 +272,10 @@ class State:
                     f"state field {name!r} must lie within {POSITION_BOUND:g} m of the origin along x and y, "
                     f"got {_worst(places)}"
                 )
-        lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
-        middle, half = (upper + lower) / 2, (upper - lower) / 2
+        lower = robot.joint_array("lower")
+        upper = robot.joint_array("upper")
+        middle = (upper + lower) / 2
+        half = (upper - lower) / 2
         for name in ("q_r", "q_cmd"):
             share = (np.asarray(getattr(self, name)) - middle) / half
             if (np.abs(share) > JOINT_BOUND).any():

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 WALL = "#9aa0ad"
 FIELD_COLOURS = ("#cfd6ea", "#a3a6d3", "#8377b8", "#6a4a9b", "#4c2477", "#2a0f4a")  # caging 0 to FIELD_TOP
 FIELD_TOP = 1.0  # caging at the end of the colour scale, at least
-TOP_STEP, CONTOUR_STEP = 0.2, 0.1  # of that end, where captions go beyond it, and between contours, caging
+TOP_STEP = 0.2  # caging; that end goes up in such steps where captions go beyond it
+CONTOUR_STEP = 0.1  # caging between two contours
 
 
 @dataclass(frozen=True)

@@ -74,11 +74,13 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
     """
     figure, ax = new_axis(size)
     q, pose = batch.state.q_r[row], batch.state.pose[row]
-    item, escape = get_object(batch.state.params[row].object), None
+    item = get_object(batch.state.params[row].object)
+    enclosed = False
     if batch.field is None:
         draw_workspace(ax, batch.robot, q)
     else:
-        escape = _draw_escape(ax, batch.robot, item, pose, q, getattr(batch.field, "speed", SpeedModel()))
+        speed = getattr(batch.field, "speed", SpeedModel())
+        enclosed = _draw_escape(ax, batch.robot, item, pose, q, speed).enclosed
     if batch.tracking:
         draw_reference(ax, batch.task.reference)
     if trail is not None and len(trail) > 1:
@@ -87,7 +89,7 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
     draw_robot(ax, batch.robot, q, batch.contact[row])
     draw_loose(ax, item, places_of(item, q, pose, batch.state.memory[row])[1:])
     draw_object(ax, item, pose)
-    _caption(ax, batch, row, escape is not None and escape.enclosed)
+    _caption(ax, batch, row, enclosed)
     _look_at(ax, episode_view(batch.robot, q, batch.task))
     return pixels(figure)
 

@@ -8,7 +8,7 @@ import importlib
 import os
 import sys
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -38,7 +38,7 @@ class Offscreen:
         RenderingError: where there is no OpenGL, or after a fork.
     """
 
-    def __init__(self, build: Any, size: int):
+    def __init__(self, build: Callable[[], Any], size: int):
         global _used
         if _forked:
             raise RenderingError(AFTER_FORK)
@@ -69,7 +69,8 @@ class Offscreen:
 
     def close(self) -> None:
         """Free the context; what a forked process has of it stays as it is."""
-        renderer, self.renderer = self.renderer, None
+        renderer = self.renderer
+        self.renderer = None
         _owners.discard(self)
         if renderer is None or _forked:
             return

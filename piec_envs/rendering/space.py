@@ -118,7 +118,8 @@ class SpaceFrames:
             RenderingError: where there is no OpenGL, or after a fork.
         """
         offscreen = self._offscreen(robot, object_name)
-        renderer, data = offscreen.renderer, offscreen.data
+        renderer = offscreen.renderer
+        data = offscreen.data
         import mujoco
 
         item = get_object(object_name)

@@ -86,7 +86,8 @@ class ResidualLoss:
         points, rows = self._points(q, rng)
         distance = robot_distance(self.robot_name, points[:, None], rows)[:, 0]
         slowness = self._tensor(1 / self._speed(distance, iteration))
-        p, joints = self._tensor(points).requires_grad_(), self._tensor(rows)
+        p = self._tensor(points).requires_grad_()
+        joints = self._tensor(rows)
         return Interior(p, joints, slowness, *self._derived(module, p, joints))
 
     def _derived(self, module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torch.Tensor, ...]:
@@ -101,7 +102,8 @@ class ResidualLoss:
 
     def _residual(self, interior: Interior) -> torch.Tensor:
         """Mean square of the residual."""
-        left, slowness = self._left_side(interior), interior.slowness
+        left = self._left_side(interior)
+        slowness = interior.slowness
         residual = left / slowness - 1 if self.recipe.scaled else left - slowness
         return (residual * residual).mean()
 
