@@ -7,6 +7,7 @@ import contextlib
 import json
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -102,22 +103,24 @@ def check_file(path: Path, kind: str, is_ours: Callable[[Path], bool]) -> None:
 
 
 def _plan(args: argparse.Namespace) -> None:
-    def is_plan(path: Path) -> bool:
-        from planners import Plan
+    check_file(plan_out(args), "plan", _is_plan)
 
-        return bool(Plan.load(path))
 
-    check_file(plan_out(args), "plan", is_plan)
+def _is_plan(path: Path) -> bool:
+    from planners import Plan
+
+    return bool(Plan.load(path))
 
 
 def _bench(args: argparse.Namespace) -> None:
-    def is_bench(path: Path) -> bool:
-        return {"rows", key} <= set(json.loads(path.read_text(encoding="utf-8")))
-
     key, title = ("machine", "# Speed\n") if args.soak is None else ("summary", "# Soak\n")
     out = bench_out(args)
-    check_file(out, "file of piec bench", is_bench)
+    check_file(out, "file of piec bench", partial(_has_rows_and, key))
     check_file(out.with_suffix(".md"), "table of piec bench", lambda path: path.read_text().startswith(title))
+
+
+def _has_rows_and(key: str, path: Path) -> bool:
+    return {"rows", key} <= set(json.loads(path.read_text(encoding="utf-8")))
 
 
 def _render(args: argparse.Namespace) -> None:
@@ -128,12 +131,13 @@ def _render(args: argparse.Namespace) -> None:
 
 
 def _train_field(args: argparse.Namespace) -> None:
-    def is_field(path: Path) -> bool:
-        from piec_envs.escape.weights import FieldWeights
+    check_file(field_out(args), "trained field", _is_field)
 
-        return bool(FieldWeights.load(path))
 
-    check_file(field_out(args), "trained field", is_field)
+def _is_field(path: Path) -> bool:
+    from piec_envs.escape.weights import FieldWeights
+
+    return bool(FieldWeights.load(path))
 
 
 def _study_folder(folder: Path, files: Iterable[str] = TABLES) -> None:

@@ -149,7 +149,7 @@ def judge_fields(
     context = Context(folder=str(folder), progress=progress)
     records = run_recorded(do, works, folder / "records.jsonl", jobs, context, "judging fields" if progress else "")
     results = [record["result"] for record in records]
-    rows = [{"field": label, **_columns(result)} for label, result in zip(cases, results, strict=False)]
+    rows = [{"field": label, **_columns(result)} for label, result in zip(cases, results[: len(cases)], strict=True)]
     fine = [
         {"field": label, **_fine_columns(result)} for label, result in zip(compared, results[len(cases) :], strict=True)
     ]

@@ -116,7 +116,7 @@ def _draw(study: StudyRun, cases: list[Case], nominal: list[list[dict]]) -> list
     folder = study.out_dir
     fractions = {
         case.label: np.mean([result["contact_fraction"] for result in results], axis=0)
-        for case, results in zip(cases, nominal, strict=False)
+        for case, results in zip(cases, nominal[: len(cases)], strict=True)
     }
     distance = {case.label: over_plans(study, case, "nominal", "mean_distance") for case in cases}
     caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}

@@ -94,7 +94,7 @@ def _draw(study: StudyRun, cases: list[Case], results: list[list[dict]]) -> list
     folder = study.out_dir
     fractions = {
         case.label: np.mean([result["contact_fraction"] for result in executed], axis=0)
-        for case, executed in zip(cases, results, strict=False)
+        for case, executed in zip(cases, results[: len(cases)], strict=True)
     }
     distance = {case.label: over_plans(study, case, "nominal", "mean_distance") for case in cases}
     caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}
