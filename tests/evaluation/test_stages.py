@@ -7,6 +7,7 @@ import pytest
 from evaluation.cli import make_parser
 from evaluation.commands import demo, stages
 from evaluation.commands.stages import Stages, seconds
+from piec_envs.console import VARIABLE
 
 EXPECTED = {"plan": 10.0, "execute": 4.0, "draw": 2.0}
 
@@ -70,10 +71,9 @@ def test_durations_are_told_in_words(value, text):
 
 
 @pytest.mark.parametrize("quiet", [False, True])
-def test_the_demo_names_its_stages_unless_asked_to_be_quiet(quiet, tmp_path, capfd):
-    arguments = make_parser().parse_args(["demo", "--smoke", "--out", str(tmp_path)])
-    arguments.quiet = quiet
-    demo.run(arguments)
+def test_the_demo_names_its_stages_unless_asked_to_be_quiet(quiet, tmp_path, capfd, monkeypatch):
+    monkeypatch.setenv(VARIABLE, str(int(quiet)))
+    demo.run(make_parser().parse_args(["demo", "--smoke", "--out", str(tmp_path)]))
     told = [line for line in capfd.readouterr().err.splitlines() if "piec: " in line]
     names = ["planning for contact", "planning for proximity", "planning for caging", "executing each plan 2 times"]
     names += ["drawing the picture", "drawing the animation"]
