@@ -16,7 +16,7 @@ INSTALL := $(BIN)/python -m pip install --disable-pip-version-check -c constrain
 # Tests of one module share what is costly to make, so that they stay with one worker; long modules begin first.
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadscope --no-loadscope-reorder --durations=15
 
-.PHONY: help venv demo test test-fast test-all test-oldest-mujoco lint format bench reproduce clean distclean
+.PHONY: help venv demo test test-fast test-all test-oldest-mujoco lint format bench sheets reproduce clean distclean
 .NOTPARALLEL:
 
 help:
@@ -27,6 +27,7 @@ help:
 	@echo "make test-oldest-mujoco  run the tests of the dynamics on the oldest MuJoCo allowed"
 	@echo "make lint       ruff and mypy"
 	@echo "make format     let ruff rewrite the code"
+	@echo "make sheets     write the page of each environment into docs/envs"
 	@echo "make bench      measure the speed of kernels, environments and planners"
 	@echo "make reproduce  run a study again beside results/, and compare: STUDY=planar-disturbance (default: all)"
 	@echo "make venv       only install, with the development tools"
@@ -82,6 +83,9 @@ format: $(VENV)/dev
 
 bench: $(VENV)/dev
 	$(BIN)/piec bench $(ARGS)
+
+sheets: $(VENV)/dev
+	$(BIN)/python -m piec_envs.env.sheets docs/envs
 
 reproduce: $(VENV)/base
 	$(BIN)/piec reproduce $(STUDY) $(ARGS)

@@ -13,8 +13,8 @@ from evaluation.field_sets import least_time
 from piec_envs.escape import GridField, SpeedModel
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 ROBOT = "planar_arm"
 FINE = 560

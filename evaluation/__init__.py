@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from piec_envs.shadows import check_not_shadowed
+from piec_envs import check_not_shadowed
 
 if TYPE_CHECKING:
     from evaluation.metrics import summarise

@@ -15,9 +15,7 @@ import sys
 from collections.abc import Iterator, Sequence
 
 from evaluation.commands import COMMANDS, Command, Interrupted, Report
-from piec_envs import __version__
-from piec_envs.console import VARIABLE
-from piec_envs.errors import PiecError
+from piec_envs import PiecError, __version__, console
 
 EPILOG = "piec COMMAND --help shows an example of each command."
 
@@ -33,9 +31,9 @@ class _Version(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from evaluation.reuse import commit_of
-        from piec_envs.sources import source
+        from piec_envs import provenance
 
-        print(f"piec-envs {__version__} ({commit_of({'source': source()})})")
+        print(f"piec-envs {__version__} ({commit_of({'source': provenance.source()})})")
         parser.exit()
 
 
@@ -128,16 +126,16 @@ def _fail(args: argparse.Namespace, said: str, message: str, code: int) -> int:
 @contextlib.contextmanager
 def _quiet(wanted: bool) -> Iterator[None]:
     """Through the environment, so that workers are quiet as well."""
-    before = os.environ.get(VARIABLE)
+    before = os.environ.get(console.VARIABLE)
     if wanted:
-        os.environ[VARIABLE] = "1"
+        os.environ[console.VARIABLE] = "1"
     try:
         yield
     finally:
         if wanted and before is None:
-            del os.environ[VARIABLE]
+            del os.environ[console.VARIABLE]
         elif wanted and before is not None:
-            os.environ[VARIABLE] = before
+            os.environ[console.VARIABLE] = before
 
 
 if __name__ == "__main__":

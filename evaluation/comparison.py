@@ -16,7 +16,14 @@ NAME = "comparison"
 
 @dataclass(frozen=True)
 class Difference:
-    """One value of a result, as it is committed and as this run found it."""
+    """One value of a result, as it is committed and as this run found it.
+
+    Args:
+        work: what people call the piece of work.
+        value: name of the value in its result.
+        committed: the value there, None if there is none.
+        yours: that of this run, None if there is none.
+    """
 
     work: str
     value: str
@@ -55,6 +62,9 @@ def compare(
         committed: records by key.
         own: records by key.
         labels: what people call each piece of work, by key.
+
+    Returns:
+        The values, in the order of `own`.
     """
     found = []
     for key in own:
@@ -72,7 +82,15 @@ def _kind(record: Mapping[str, Any]) -> str:
 
 
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """The numbers and texts of a result with their names, such as ("nominal.d2g", 0.0) and ("contact[2]", 0.1)."""
+    """The numbers and texts of a result with their names.
+
+    Args:
+        value: JSON values.
+        name: of the whole.
+
+    Yields:
+        Pairs such as ("nominal.d2g", 0.0) and ("contact[2]", 0.1).
+    """
     if isinstance(value, Mapping):
         for key, item in value.items():
             yield from leaves(item, f"{name}.{key}" if name else str(key))
@@ -106,7 +124,15 @@ def comparison_table(found: list[Difference]) -> str:
 
 
 def write_comparison(folder: Path, found: list[Difference]) -> list[Path]:
-    """Write the table for people and all values as CSV; returns both files."""
+    """Write the table for people and all values as CSV.
+
+    Args:
+        folder: where to.
+        found: from `compare`.
+
+    Returns:
+        Both files.
+    """
     text = f"# Committed against yours\n\n{summary(found)}\n\n{comparison_table(found)}"
     rows = [{**item.row(), "differs": item.size} for item in found]
     return [write_atomic(folder / f"{NAME}.md", text), write_atomic(folder / f"{NAME}.csv", csv_text(rows))]

@@ -19,7 +19,7 @@ from typing import Any
 
 from evaluation.jobs import POLL_SECONDS, RETRIES, say
 from evaluation.workers import answer, installed, value_of
-from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, as_count, check_name
+from piec_envs import EngineError, InvalidParameterError, MissingDependencyError, as_count, check_name
 
 RAY_STORE = 100 * 2**20  # bytes; results are small, and Ray would take a third of the memory
 SLURM_FOLDER = "runs/slurm"

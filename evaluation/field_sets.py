@@ -13,11 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.errors import check_name
-from piec_envs.escape.grid import GridField
-from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance, robot_vertices
-from piec_envs.escape.speed import SpeedModel
-from piec_envs.world.robots import get_robot
+from piec_envs import (
+    GridField,
+    SpeedModel,
+    check_name,
+    draw_configurations,
+    draw_points,
+    get_robot,
+    robot_distance,
+    robot_vertices,
+)
 
 SEEDS = {"H": 30_001, "C": 30_002, "U": 30_003}
 CLEARANCE = 0.05  # m
@@ -46,12 +51,30 @@ class PointSet:
 
 
 def least_time(robot_name: str, points: np.ndarray) -> np.ndarray:
-    """T_0 = (R - |p|) / u_bar of points relative to a fixed base, shape (...), s."""
+    """T_0 = (R - |p|) / u_bar.
+
+    Args:
+        robot_name: a row of the table of robots.
+        points: relative to a base that stands, shape (..., 2), m.
+
+    Returns:
+        Shape (...), s.
+    """
     return (get_robot(robot_name).workspace_radius - np.hypot(points[..., 0], points[..., 1])) / SpeedModel().u_bar
 
 
 def solved_set(robot_name: str, q: np.ndarray, points: np.ndarray, threads: int | None = None) -> PointSet:
-    """A set with the answers of the exact fields, leaky and hard."""
+    """A set with the answers of the exact fields, leaky and hard.
+
+    Args:
+        robot_name: a row of the table of robots.
+        q: configurations, shape (B, n), rad or m.
+        points: shape (B, k, 2), m.
+        threads: over the configurations; None takes all cores.
+
+    Returns:
+        The set.
+    """
     hard = GridField(robot_name, RESOLUTION, "marching", SpeedModel(leak=0.0), threads)
     return PointSet(
         q=q,
@@ -63,17 +86,42 @@ def solved_set(robot_name: str, q: np.ndarray, points: np.ndarray, threads: int 
 
 
 def exact_field(robot_name: str, threads: int | None = None) -> GridField:
-    """The field that is taken for the truth: second-order marching on 200 x 200 nodes."""
+    """The field that is taken for the truth: second-order marching on 200 x 200 nodes.
+
+    Args:
+        robot_name: a row of the table of robots.
+        threads: over the rows of a batch; None takes all cores.
+
+    Returns:
+        The field.
+    """
     return GridField(robot_name, RESOLUTION, "marching", threads=threads)
 
 
 def curled_set(robot_name: str, rows: int = 50, k: int = 400, threads: int | None = None) -> PointSet:
-    """Set H."""
+    """Set H.
+
+    Args:
+        robot_name: a row of the table of robots.
+        rows: configurations.
+        k: points of each.
+        threads: for the exact fields; None takes all cores.
+
+    Returns:
+        The set, always the same for the same numbers.
+    """
     return _drawn_set(robot_name, "curled", SEEDS["H"], rows, k, threads)
 
 
 def uniform_set(robot_name: str, rows: int = 50, k: int = 400, threads: int | None = None) -> PointSet:
-    """Set U."""
+    """Set U.
+
+    Args:
+        robot_name, rows, k, threads: as in `curled_set`.
+
+    Returns:
+        The set, always the same for the same numbers.
+    """
     return _drawn_set(robot_name, "uniform", SEEDS["U"], rows, k, threads)
 
 
@@ -84,7 +132,19 @@ def _drawn_set(robot_name, kind, seed, rows, k, threads) -> PointSet:
 
 
 def ranking_set(robot_name: str, rows: int = 1500, threads: int | None = None) -> PointSet:
-    """Set C: curled configurations whose centroid lies in the direction of the point, which is clear of them."""
+    """Set C: curled configurations turned towards one point, which is clear of them.
+
+    Args:
+        robot_name: a row of RANK_POINTS, which has the point.
+        rows: configurations.
+        threads: for the exact fields; None takes all cores.
+
+    Returns:
+        The set, of one point for each configuration; the robot's centroid lies in its direction.
+
+    Raises:
+        UnknownNameError: for a robot without such a point.
+    """
     check_name("robot with a point of set C", robot_name, RANK_POINTS)
     rng, point = np.random.default_rng(SEEDS["C"]), np.array(RANK_POINTS[robot_name])
     kept = np.empty((0, get_robot(robot_name).dof))
@@ -109,8 +169,11 @@ def plan_set(
         states: for each plan the object's poses (N, 3) and the joint positions (N, n).
         key_points: in the object's frame, shape (k, 2), m.
         threads: for the exact fields.
+
+    Returns:
+        The set, of k points for each state.
     """
-    from piec_envs.escape.field import key_points_world
+    from piec_envs import key_points_world
 
     q = np.concatenate([joints for _, joints in states])
     points = key_points_world(key_points, np.concatenate([poses for poses, _ in states]))
@@ -119,7 +182,16 @@ def plan_set(
 
 
 def thinned(chosen: PointSet, count: int, fine: GridField) -> PointSet:
-    """Evenly spaced configurations of a set, one point each, with the answers of a finer grid."""
+    """Evenly spaced configurations of a set, one point each, with the answers of a finer grid.
+
+    Args:
+        chosen: the set.
+        count: configurations.
+        fine: the field that answers.
+
+    Returns:
+        The smaller set; `bound` and `reachable` are those of the larger one.
+    """
     rows = np.unique(np.linspace(0, len(chosen.q) - 1, count).astype(int))
     q, points = chosen.q[rows], np.ascontiguousarray(chosen.points[rows, :1])
     bound, reachable = chosen.bound[rows, :1], chosen.reachable[rows, :1]

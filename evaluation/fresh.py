@@ -13,8 +13,7 @@ from pathlib import Path
 
 from evaluation.records import read_records, replace_records
 from evaluation.reuse import RECORDS, Record
-from piec_envs.errors import RecordError
-from piec_envs.sources import source
+from piec_envs import RecordError, provenance
 
 MAKING = ("plan", "train")  # work that makes what other work evaluates
 
@@ -54,7 +53,7 @@ def _clear_trained(out: Path, study: str, records: Sequence[Record]) -> None:
 
 def _is_current(record: Record) -> bool:
     made_by = record.get("source")
-    return made_by is not None and made_by["digest"] == source()["digest"]
+    return made_by is not None and made_by["digest"] == provenance.source()["digest"]
 
 
 def _clear_caches(out: Path, names: Sequence[str]) -> None:
@@ -84,4 +83,4 @@ def _made_now(sidecar: Path) -> bool:
         return False
     except OSError as error:
         raise RecordError(f"{sidecar} cannot be read: {error}") from error
-    return ((about.get("source") or {}).get("digest")) == source()["digest"]
+    return ((about.get("source") or {}).get("digest")) == provenance.source()["digest"]

@@ -23,9 +23,7 @@ from tqdm import tqdm
 
 from evaluation.records import RecordFile, make_record, work_key
 from evaluation.reuse import current_ledger
-from piec_envs.console import no_bar
-from piec_envs.errors import EngineError, InvalidParameterError, UnknownNameError
-from piec_envs.sources import source
+from piec_envs import EngineError, InvalidParameterError, UnknownNameError, console, provenance
 
 POLL_SECONDS = 0.05  # between two looks at an executor's futures
 RETRIES = 3  # how often what a lost worker had in hand is begun anew
@@ -87,11 +85,17 @@ def resolve(name: str) -> Callable[..., Any]:
 def call(name: str, spec: Mapping[str, Any], seed: int, context: Context) -> tuple[Any, float, dict[str, Any]]:
     """Do one piece of work; this is what workers run.
 
+    Args:
+        name: `module:function` of what does it, a function of (spec, seed, context).
+        spec: what to do, JSON values.
+        seed: its seed.
+        context: what it is told beside that.
+
     Returns:
         The result, the seconds it took, and the sources of this very process: a worker that is begun
         while the tree is edited has others than the process that began it.
     """
-    here = source()
+    here = provenance.source()
     function = resolve(name)
     begin = time.perf_counter()
     result = function(dict(spec), seed, context)
@@ -231,7 +235,11 @@ def run_recorded(
             else:
                 todo[work.key] = work
         bar = tqdm(
-            total=len(labels), initial=len(labels) - len(todo), desc=progress, disable=no_bar(bool(progress)), delay=0.5
+            total=len(labels),
+            initial=len(labels) - len(todo),
+            desc=progress,
+            disable=console.no_bar(bool(progress)),
+            delay=0.5,
         )
         with bar:
             for work, result, seconds, made_by in _done(function, list(todo.values()), jobs, context):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from evaluation.outcome import Evaluation
-from piec_envs.errors import InvalidParameterError
+from piec_envs import InvalidParameterError
 
 CONFIDENCE = 0.95
 COVERAGE_RADIUS = 0.03  # m
@@ -18,9 +18,9 @@ RESAMPLES = 10_000
 class Interval(NamedTuple):
     """An estimate between its bounds."""
 
-    value: float
-    low: float
-    high: float
+    value: float  # the estimate
+    low: float  # lower bound
+    high: float  # upper bound
 
 
 def wilson_interval(successes: int, n: int, confidence: float = CONFIDENCE) -> Interval:

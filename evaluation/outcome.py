@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.errors import RecordError
-from piec_envs.files import BROKEN_FILE, why_unreadable
+from piec_envs import RecordError, files
 
 FORMAT = "piec-evaluation-1"
 
@@ -83,6 +82,9 @@ class Evaluation:
         Args:
             path: where to.
             every: keep each k-th state alone; above 1 also in single precision, enough for figures.
+
+        Returns:
+            The path.
         """
         target = Path(path)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -113,8 +115,8 @@ class Evaluation:
             return cls(**meta, **{"caging": None, "diverged": stable, **arrays})
         except RecordError:
             raise
-        except BROKEN_FILE as error:
-            raise RecordError(why_unreadable(path, "evaluation", error)) from error
+        except files.BROKEN_FILE as error:
+            raise RecordError(files.why_unreadable(path, "evaluation", error)) from error
 
 
 def _thin(value: np.ndarray, every: int) -> np.ndarray:

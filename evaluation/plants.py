@@ -8,11 +8,16 @@ from typing import Any
 import gymnasium as gym
 
 from evaluation.protocols import PROTOCOLS, Protocol, family, laid_over
-from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.state import PlantParams
-from piec_envs.episodes.tasks import get_task
-from piec_envs.errors import InvalidParameterError, check_name
-from piec_envs.registration import MOTIONS, check_motion
+from piec_envs import (
+    MOTIONS,
+    EnvConfig,
+    InvalidParameterError,
+    PlantParams,
+    check_motion,
+    check_name,
+    get_task,
+    make_config,
+)
 
 PLANTS = {
     "own": "the nominal model that it was made for",
@@ -71,6 +76,9 @@ def chosen_id(source: Any, env_id: Any) -> str:
         source: from `source_of`.
         env_id: id of the environment, or None.
 
+    Returns:
+        The id.
+
     Raises:
         UnknownNameError: for an unknown id.
         InvalidParameterError: if there is none, or an environment instead of its id.
@@ -96,6 +104,9 @@ def base_kwargs(source: Any, plant: str = "own", env_kwargs: Mapping[str, Any] |
         plant: row of PLANTS: what is taken from the plan or the agent.
         env_kwargs: the user's own, which override that.
 
+    Returns:
+        The keyword arguments, a dict of its own.
+
     Raises:
         UnknownNameError: for an unknown plant.
     """
@@ -112,11 +123,13 @@ def bare_config(env_id: str, env_kwargs: Mapping[str, Any]) -> EnvConfig:
     Args:
         env_id: its id.
         env_kwargs: its keyword arguments.
+
+    Returns:
+        The configuration.
     """
     kwargs = {**env_kwargs, "escape_field": None, "prior": None, "adversary": 0.0}
     kwargs["randomize"] = {k: v for k, v in (env_kwargs.get("randomize") or {}).items() if k != "adversary"}
-    env: Any = gym.make(env_id, disable_env_checker=True, **kwargs)
-    return env.unwrapped.config
+    return make_config(env_id, **kwargs)
 
 
 def check_suits(protocol: Protocol, env_id: str, env_kwargs: Mapping[str, Any]) -> None:
@@ -163,7 +176,7 @@ def plant_in_force(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]
         "task": config.task,
         "robot": config.robot,
         "start": start,
-        "goal": [float(x) for x in config.make_task().goal],
+        "goal": [float(x) for x in config.resolve().task.goal],
         **params,
         "preset": config.preset,
         "noise_entry": config.noise_entry,
@@ -187,7 +200,14 @@ def plant_line(plant: Mapping[str, Any]) -> str:
 
 
 def plant_changes(plant: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """What is different in another plant, in a few words; "" for nothing."""
+    """What is different in another plant, in a few words.
+
+    Args:
+        plant, other: from `plant_in_force`.
+
+    Returns:
+        Names with the other plant's values; "" if nothing differs.
+    """
     return ", ".join(f"{name} {plain(value)}" for name, value in other.items() if value != plant[name])
 
 

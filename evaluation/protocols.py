@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from piec_envs.errors import check_name
+from piec_envs import check_name
 
 START_NOISE = (0.01, 0.05)  # m, rad
 

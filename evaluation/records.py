@@ -19,10 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.errors import RecordError
-from piec_envs.files import replacing
-from piec_envs.sources import source as current_source
-from piec_envs.versions import versions
+from piec_envs import RecordError, files, provenance
 
 try:
     import fcntl
@@ -77,7 +74,15 @@ def canonical(value: Any) -> str:
 
 
 def work_key(spec: Mapping[str, Any], seed: int) -> str:
-    """The key of a piece of work, the same on every machine."""
+    """The key of a piece of work, the same on every machine.
+
+    Args:
+        spec: what the work is, JSON values.
+        seed: its seed.
+
+    Returns:
+        16 hexadecimal digits.
+    """
     return hashlib.sha256(canonical({"spec": spec, "seed": int(seed)}).encode()).hexdigest()[:16]
 
 
@@ -91,7 +96,10 @@ def make_record(
         seed: its seed.
         result: what came out, JSON values and NumPy arrays.
         seconds: how long it took.
-        source: the sources of the process that did it (`piec_envs.sources.source`); None is this process.
+        source: the sources of the process that did it (`piec_envs.provenance.source`); None is this process.
+
+    Returns:
+        The record, JSON values alone.
     """
     return {
         "format": FORMAT,
@@ -100,13 +108,24 @@ def make_record(
         "seed": int(seed),
         "result": to_json(result),
         "seconds": round(float(seconds), 3),
-        "versions": versions(),
-        "source": dict(current_source() if source is None else source),
+        "versions": provenance.versions(),
+        "source": dict(provenance.source() if source is None else source),
     }
 
 
 def parse_records(path: Path, data: bytes) -> list[dict[str, Any]]:
-    """Records in the contents of a file; `path` is what errors call it."""
+    """Records in the contents of a file.
+
+    Args:
+        path: what errors call it.
+        data: its contents.
+
+    Returns:
+        The records that are whole, each key once.
+
+    Raises:
+        RecordError: if it holds something else, or an edited record.
+    """
     return _parse(path, data)[0]
 
 
@@ -161,10 +180,14 @@ def read_records(path: str | os.PathLike) -> list[dict[str, Any]]:
 def replace_records(path: Path, records: Sequence[Mapping[str, Any]]) -> None:
     """Write a record file anew with these records alone, whole or not at all.
 
+    Args:
+        path: of the file.
+        records: all that it is to hold.
+
     Raises:
         RecordError: if another run writes the file.
     """
-    with RecordFile(path), replacing(path) as file:
+    with RecordFile(path), files.replacing(path) as file:
         file.writelines(_line(record) for record in records)
 
 

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.records import parse_records, read_records
-from piec_envs.files import replacing
-from piec_envs.sources import git_answer
+from piec_envs import files, provenance
 
 Record = dict[str, Any]
 RECORDS = "records.jsonl"
@@ -29,6 +28,10 @@ class Ledger:
 
     Args:
         committed: records that may be taken instead of doing the work.
+        taken: those of them that were.
+        earlier: records of work that was done in the run's own folder before.
+        done: records of work that this run did.
+        labels: what people call each piece of work.
     """
 
     committed: Mapping[str, Record] = field(default_factory=dict)
@@ -90,11 +93,11 @@ def committed_records(folder: Path) -> tuple[dict[str, Record], str]:
         The records by key, and what must be said about them: that the file was edited since; else "".
     """
     path = folder / RECORDS
-    text = git_answer(folder, "show", f"HEAD:./{RECORDS}") if folder.is_dir() else None
+    text = provenance.git_answer(folder, "show", f"HEAD:./{RECORDS}") if folder.is_dir() else None
     if text is None:  # an unpacked archive, or results never committed
         return {record["key"]: record for record in read_records(path)}, ""
     records = parse_records(path, f"{text}\n".encode())
-    edited = git_answer(folder, "status", "--porcelain", "--", RECORDS)
+    edited = provenance.git_answer(folder, "status", "--porcelain", "--", RECORDS)
     said = f"{path} was edited since it was committed; what is committed counts" if edited else ""
     return {record["key"]: record for record in records}, said
 
@@ -124,7 +127,7 @@ def _copy(source: Path, target: Path) -> None:
     if target.exists():
         return
     target.parent.mkdir(parents=True, exist_ok=True)
-    with open(source, "rb") as data, replacing(target) as file:
+    with open(source, "rb") as data, files.replacing(target) as file:
         shutil.copyfileobj(data, file)
 
 

@@ -9,16 +9,10 @@ import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
-import piec_envs  # noqa: F401  registers the environments
 from evaluation.outcome import Evaluation
 from evaluation.plants import NOT_IN_SPEC, as_policy, base_kwargs, check_suits, chosen_id, source_of
 from evaluation.protocols import get_protocol, is_random
-from piec_envs.console import no_bar
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.episodes.info import batch_info
-from piec_envs.episodes.tasks import MEASURES
-from piec_envs.errors import InvalidParameterError, as_count
-from piec_envs.escape.field import CAGING_SCALE
+from piec_envs import InvalidParameterError, as_count, console
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result
 _MEASURED = ("goal_distance", "d2g", "min_distance", "mean_distance", "tracking_error")
@@ -127,8 +121,8 @@ def check_fit(policy: Any, env_id: str, env: Any) -> None:
     plan: Any = getattr(policy, "plan", None)
     agent: Any = getattr(policy, "agent", None)
     if hasattr(plan, "check_fits"):
-        batch: EpisodeBatch = env.unwrapped.batch
-        plan.check_fits(env_id, batch.robot.name, batch.config.posture)
+        setup = env.unwrapped.model.setup
+        plan.check_fits(env_id, setup.robot, setup.posture)
     if hasattr(agent, "check_fits"):
         prefix = "single_" if isinstance(env, gym.vector.VectorEnv) else ""
         spaces = (getattr(env, f"{prefix}{kind}_space") for kind in ("observation", "action"))
@@ -147,45 +141,47 @@ def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict
     Returns:
         The arrays of an `Evaluation`.
     """
-    batch: EpisodeBatch = envs.unwrapped.batch
-    steps = batch.task.horizon
-    observation, _ = envs.reset(seed=seeds)
-    arrays = _blank(batch, steps)
-    _write(arrays, batch, 0)
+    steps = envs.unwrapped.model.task.horizon
+    observation, info = envs.reset(seed=seeds)
+    arrays = _blank(envs, info, steps)
+    _write(arrays, envs, info, 0)
     state, first = None, np.ones(len(seeds), dtype=bool)
     diverged = np.zeros(len(seeds), dtype=bool)
-    for t in tqdm(range(1, steps + 1), desc=label, unit="step", disable=no_bar(bool(label)), delay=1.0, leave=False):
+    for t in tqdm(
+        range(1, steps + 1), desc=label, unit="step", disable=console.no_bar(bool(label)), delay=1.0, leave=False
+    ):
         action, state = predict(observation, state=state, episode_start=first, deterministic=True)
-        observation, *_ = envs.step(np.asarray(action))
-        _write(arrays, batch, t)
-        diverged |= batch.state.diverged
+        observation, _, _, _, info = envs.step(np.asarray(action))
+        _write(arrays, envs, info, t)
+        diverged |= info["diverged"]
         _hold(arrays, diverged, t)
         first = np.zeros(len(seeds), dtype=bool)
-    success = batch_info(batch)["is_success"] & ~diverged
+    success = info["is_success"] & ~diverged
     return {**arrays, "success": success, "d2g": arrays["d2g"][:, -1], "diverged": diverged}
 
 
-def _blank(batch: EpisodeBatch, steps: int) -> dict[str, np.ndarray]:
+def _blank(envs: Any, info: Mapping[str, np.ndarray], steps: int) -> dict[str, np.ndarray]:
     """Arrays for the start and each step, by name."""
-    rows, dof, links = batch.state.rows, batch.robot.dof, batch.scene.links
-    arrays = {name: np.empty((rows, steps + 1)) for name in _MEASURED}
-    if batch.field is not None:
-        arrays["caging"] = np.empty((rows, steps + 1))
-    arrays["contact"] = np.empty((rows, steps + 1, links), dtype=bool)
-    arrays["pose"] = np.empty((rows, steps + 1, 3))
-    arrays["q_r"] = np.empty((rows, steps + 1, dof))
+    rows, times = envs.num_envs, steps + 1
+    arrays = {name: np.empty((rows, times)) for name in _MEASURED}
+    if "caging" in info:
+        arrays["caging"] = np.empty((rows, times))
+    arrays["contact"] = np.empty((rows, times, info["contact_links"].shape[1]), dtype=bool)
+    arrays["pose"] = np.empty((rows, times, 3))
+    arrays["q_r"] = np.empty((rows, times, envs.unwrapped.model.robot.dof))
     return arrays
 
 
-def _write(arrays: dict[str, np.ndarray], batch: EpisodeBatch, t: int) -> None:
-    """Note down the batch's present at time index t."""
+def _write(arrays: dict[str, np.ndarray], envs: Any, info: Mapping[str, np.ndarray], t: int) -> None:
+    """Note down the present of all rows at time index t."""
     for name in _MEASURED:
-        arrays[name][:, t] = batch.measures[:, MEASURES.index(name)]
-    if batch.field is not None:
-        arrays["caging"][:, t] = CAGING_SCALE * batch.state.escape_time
-    arrays["contact"][:, t] = batch.contact
-    arrays["pose"][:, t] = batch.state.pose
-    arrays["q_r"][:, t] = batch.state.q_r
+        arrays[name][:, t] = info.get(name, 0.0)  # without a reference there is no tracking error
+    if "caging" in arrays:
+        arrays["caging"][:, t] = info["caging"]
+    state = envs.unwrapped.get_state()
+    arrays["contact"][:, t] = info["contact_links"]
+    arrays["pose"][:, t] = state.pose
+    arrays["q_r"][:, t] = state.q_r
 
 
 def _hold(arrays: dict[str, np.ndarray], rows: np.ndarray, t: int) -> None:

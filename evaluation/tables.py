@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from evaluation.metrics import Interval
-from piec_envs.errors import InvalidParameterError
+from piec_envs import InvalidParameterError
 
 
 def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
@@ -38,16 +38,16 @@ class Rates(tuple[float, ...]):
 class Estimate(NamedTuple):
     """A mean between the bounds of its interval: `0.041 [0.039, 0.044]`."""
 
-    value: float
-    low: float
-    high: float
+    value: float  # the mean
+    low: float  # lower bound
+    high: float  # upper bound
 
 
 class Spread(NamedTuple):
     """Mean and standard deviation: `0.041 ± 0.002`."""
 
-    mean: float
-    deviation: float
+    mean: float  # the mean
+    deviation: float  # the standard deviation
 
 
 def percent(rate: Interval) -> str:
@@ -93,6 +93,9 @@ def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = ""
         title: heading above it.
         notes: text below it.
         above: text between heading and table, such as the plant in force.
+
+    Returns:
+        The text.
     """
     names = columns_of(rows)
     body = [[cell(row.get(name)).replace("|", "\\|") for name in names] for row in rows]
@@ -138,6 +141,11 @@ def write_table(
     above: str = "",
 ) -> list[Path]:
     """Write `name.md` and `name.csv` into a folder.
+
+    Args:
+        folder: where to.
+        rows, title, notes, above: as in `markdown`.
+        name: of the files.
 
     Returns:
         Both paths.

@@ -7,14 +7,12 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from piec_envs.errors import EngineError
-from piec_envs.sources import source
-from piec_envs.versions import versions
+from piec_envs import EngineError, provenance
 
 
 def installed() -> dict[str, str]:
     """What workers must have as well: versions, and the suite's own sources."""
-    return {**versions(), "sources": source()["digest"]}
+    return {**provenance.versions(), "sources": provenance.source()["digest"]}
 
 
 def answer(expected: Mapping[str, str], function: Callable, *args: Any) -> tuple[Any, Exception | None]:

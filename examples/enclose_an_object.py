@@ -7,7 +7,7 @@ import argparse
 
 import numpy as np
 
-from piec_envs.escape.field import make_field
+from piec_envs import make_field
 from planners import CagingProblem, CmaEsConfiguration, SqpConfiguration
 
 POSE = np.array([0.3, 0.1, 0.0])  # of the object: x, y, angle, m and rad

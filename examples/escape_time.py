@@ -10,8 +10,7 @@ import gymnasium as gym
 import imageio.v3 as imageio
 import numpy as np
 
-import piec_envs  # noqa: F401  registers the environments
-from piec_envs.escape.field import make_field
+from piec_envs import make_field  # which registers the environments as well
 
 POSTURE = np.array([0.92, -1.64, -1.66, -2.4])  # curled to the right, rad
 POINTS = np.array([[0.3, 0.1], [0.8, -0.5]])  # between the links, and outside, m

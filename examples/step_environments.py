@@ -9,8 +9,7 @@ import time
 import gymnasium as gym
 import numpy as np
 
-import piec_envs  # noqa: F401  registers the environments
-from piec_envs.wrappers import FrictionMismatch
+from piec_envs import wrappers  # which registers the environments as well
 
 ENV = "piec_envs/PlanarArmPush-v0"
 
@@ -41,7 +40,7 @@ def many_rows(rows: int, steps: int) -> None:
 
 def other_plants(steps: int) -> None:
     """Wrappers and keyword arguments say the same; `get_params` tells what is in force."""
-    slippery = FrictionMismatch(gym.make(ENV), friction=0.1)
+    slippery = wrappers.FrictionMismatch(gym.make(ENV), friction=0.1)
     engine = gym.make(ENV, dynamics="mujoco", object="square")
     for env in (slippery, engine):
         env.reset(seed=0)

@@ -20,12 +20,12 @@ LEAST = 2.0  # s that a kernel takes by itself; less is not worth a word
 SECONDS = {
     "piec_envs.dynamics.contact_step:rollout_rows": 30.0,
     "piec_envs.escape.inference:answer_rows": 11.0,
-    "piec_envs.geometry.distance:scene_distances": 4.0,
+    "piec_envs.geometry.body:scene_distances": 4.0,
     "piec_envs.geometry.clearance:clearance_rows": 3.0,
     "piec_envs.dynamics.control_step:measure_motion_rows": 1.5,
     "piec_envs.dynamics.control_step:command_rows": 1.0,
-    "piec_envs.episodes.observation:observe_rows": 1.0,
-    "piec_envs.episodes.tasks:measure_rows": 0.5,
+    "piec_envs.model.kernels:observe_rows": 1.0,
+    "piec_envs.model.kernels:measure_rows": 0.5,
 }
 
 

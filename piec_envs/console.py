@@ -9,6 +9,8 @@ from __future__ import annotations
 import os
 import sys
 
+__all__ = ["VARIABLE", "no_bar", "note", "quiet"]
+
 VARIABLE = "PIEC_QUIET"
 
 

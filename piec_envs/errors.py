@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -46,6 +47,9 @@ def closest(name: object, known: Iterable[str]) -> str | None:
     Args:
         name: the name given.
         known: the valid names.
+
+    Returns:
+        The known name, or None.
     """
     plain = str(name).casefold()
     by_plain: dict[str, str] = {}
@@ -176,9 +180,16 @@ def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[Piec
         shape: the only valid shape.
         error: what is raised otherwise.
 
+    Returns:
+        Shape `shape`, float64.
+
     Raises:
         PiecError: of that class, if the value is no array of numbers of that shape, or not finite.
     """
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
+        flat = value.ravel()
+        if math.isfinite(flat @ flat):  # no square of it is too large: the usual case, and quick
+            return value.copy()
     try:
         given = np.asarray(value)
         if given.dtype.kind not in "biufO":  # NumPy would read numbers out of text
@@ -195,6 +206,14 @@ def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[Piec
 
 def as_count(name: str, value: object, least: int = 1) -> int:
     """A whole number of at least `least`, from an int or a NumPy integer.
+
+    Args:
+        name: what the value is called.
+        value: anything.
+        least: the smallest valid number.
+
+    Returns:
+        The number as an int.
 
     Raises:
         InvalidParameterError: otherwise, True and False included.

@@ -14,6 +14,8 @@ from pathlib import Path
 from tokenize import TokenError
 from typing import IO
 
+__all__ = ["BROKEN_FILE", "replacing", "why_unreadable"]
+
 BROKEN_FILE = (  # down to NumPy's parsing of a damaged header
     OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, MemoryError, SyntaxError,
     TokenError, zipfile.BadZipFile, zlib.error, struct.error,
@@ -39,6 +41,9 @@ def why_unreadable(path: str | os.PathLike, kind: str, error: BaseException) -> 
         path: of the file.
         kind: what it was meant to be, such as "plan file".
         error: what reading it ended with.
+
+    Returns:
+        The message, which names the path.
     """
     if isinstance(error, FileNotFoundError | NotADirectoryError):
         missing = Path(error.filename or path) if Path(path).exists() else Path(path)

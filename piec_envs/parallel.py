@@ -6,6 +6,7 @@ results are the same for every number of threads.
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from piec_envs.console import note
 
 NOTICE_SECONDS = 1.5
+WORTH_THREADS = 150.0  # us of work on one core below which a second thread costs more than it brings
 _compiled: set[Callable] = set()
 _pool: ThreadPoolExecutor | None = None
 
@@ -34,7 +36,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def run_rows(kernel: Callable, rows: int, threads: int | None, *args) -> None:
+def run_rows(kernel: Callable, rows: int, threads: int | None, *args, work: float = math.inf) -> None:
     """Call `kernel(lo, hi, *args)` over row ranges that together cover all rows.
 
     Args:
@@ -42,8 +44,9 @@ def run_rows(kernel: Callable, rows: int, threads: int | None, *args) -> None:
         rows: number of rows.
         threads: number of threads; None takes all cores of this process.
         args: the kernel's other arguments, the same for every range.
+        work: of all rows together on one core, about, us; little work is not shared.
     """
-    threads = 1 if rows <= 1 else min(threads or available_threads(), rows)
+    threads = 1 if rows <= 1 or work < WORTH_THREADS else min(threads or available_threads(), rows)
     if kernel not in _compiled:  # the first call compiles: once, not in every thread
         kernel(0, 0, *args)
         _compiled.add(kernel)

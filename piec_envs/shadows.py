@@ -40,6 +40,9 @@ def message_of(name: str, shadow: Path) -> str:
     Args:
         name: of the package.
         shadow: from `shadow_of`.
+
+    Returns:
+        The message.
     """
     return (
         f"{shadow} hides the package {name!r} of piec-envs, since its folder comes first in sys.path: rename it, or "

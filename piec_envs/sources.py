@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 SOURCES = ("piec_envs", "planners", "evaluation")  # what a result depends on beside those
-SUFFIXES = (".py", ".yml", ".json", ".npz")  # code, hyper-parameters, starts and shipped weights
+SUFFIXES = (".py", ".pyi", ".yml", ".json", ".npz")  # code, hyper-parameters, starts and shipped weights
 
 
 @cache
@@ -53,7 +53,15 @@ def git_state(root: Path) -> dict[str, Any]:
 
 
 def git_answer(root: Path, *arguments: str) -> str | None:
-    """What git answers, None if it cannot."""
+    """What git answers.
+
+    Args:
+        root: the folder that it is asked in.
+        arguments: of the command.
+
+    Returns:
+        Its output without the space around it; None if git is missing, fails or takes over 20 s.
+    """
     plain = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}  # as in a hook
     plain["GIT_OPTIONAL_LOCKS"] = "0"
     try:

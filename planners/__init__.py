@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from piec_envs.episodes.posture import CagingProblem
+    from piec_envs import CagingProblem
     from planners.base import OpenLoopPolicy, Plan
     from planners.carry import RigidCarry
     from planners.cma_es import CmaEsPlanner
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from planners.sqp import SqpConfiguration
 
 _WHERE = {
-    "CagingProblem": "piec_envs.episodes.posture",
+    "CagingProblem": "piec_envs",
     "CmaEsConfiguration": "planners.configuration",
     "CmaEsPlanner": "planners.cma_es",
     "Configuration": "planners.configuration",

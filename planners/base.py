@@ -10,18 +10,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
-from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import MEASURES
-from piec_envs.errors import PlanError, UnknownNameError
-from piec_envs.files import BROKEN_FILE, why_unreadable
-from piec_envs.versions import versions as current_versions
-from piec_envs.world.robots import ROBOTS, get_robot
+from piec_envs import (
+    CONTROL_PERIOD,
+    MEASURE_COLUMNS,
+    ROBOTS,
+    Model,
+    PlanError,
+    Setup,
+    State,
+    UnknownNameError,
+    files,
+    get_robot,
+    make_setup,
+    provenance,
+)
 from planners.made_for import disturbed_kwargs, model_kwargs, task_kwargs
 from planners.observed import ObservationReader
 
@@ -63,7 +67,7 @@ class Plan:
     seed: int
     cost: float
     nominal: dict[str, float]
-    versions: dict[str, str] = field(default_factory=current_versions)
+    versions: dict[str, str] = field(default_factory=provenance.versions)
 
     @property
     def task_kwargs(self) -> dict[str, Any]:
@@ -113,8 +117,8 @@ class Plan:
             plan = cls(**{**meta, **arrays, "joints": tuple(meta["joints"])})
         except PlanError:
             raise
-        except BROKEN_FILE as error:
-            raise PlanError(why_unreadable(path, "plan file", error)) from error
+        except files.BROKEN_FILE as error:
+            raise PlanError(files.why_unreadable(path, "plan file", error)) from error
         if plan.path.ndim != 2 or plan.path.shape[1] != len(plan.joints) or not np.isfinite(plan.path).all():
             raise PlanError(f"{path} has a path of shape {plan.path.shape} for {len(plan.joints)} joints")
         return plan
@@ -152,7 +156,7 @@ class Plan:
             )
 
 
-def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tuple[EpisodeBatch, State, EnvConfig]:
+def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tuple[Model, State, Setup]:
     """The nominal model and the task's own start, of which nothing is drawn.
 
     Args:
@@ -161,21 +165,19 @@ def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tupl
         seed: of the episode.
 
     Returns:
-        The model, the start, and the model's configuration with what `env_kwargs` draws.
+        The model, the start, and what the model is made of with all that `env_kwargs` draws.
 
     Raises:
         UnknownNameError: for an unknown name or keyword argument.
         InvalidParameterError: for a value outside its range.
     """
-    fixed = {name: value for name, value in env_kwargs.items() if name not in DRAWN}
-    drawn = {name: value for name, value in env_kwargs.items() if name in DRAWN}
-    env: Any = gym.make(env_id, disable_env_checker=True, **fixed).unwrapped
-    env.reset(seed=seed)
-    return env.batch, env.get_state(), dataclasses.replace(env.batch.config, **drawn)
+    setup = make_setup(env_id, **env_kwargs)
+    model = Model(dataclasses.replace(setup, start_noise=(0.0, 0.0), randomize={}))
+    return model, model.reset(seed), setup
 
 
 def realised_plan(
-    batch: EpisodeBatch,
+    model: Model,
     start: State,
     path: np.ndarray,
     cost: Callable[[np.ndarray], np.ndarray] | None = None,
@@ -184,20 +186,23 @@ def realised_plan(
     """The plan that executes what a nominal rollout of a path realises.
 
     Args:
-        batch: the nominal model.
+        model: the nominal one.
         start: one state.
         path: commanded joint positions, shape (N, n), rad or m.
         cost: of realised paths (B, N, n), shape (B,); None is the summed stage cost.
         about: the plan's other fields: env_id, env_kwargs, via_points, objective, preset and seed.
+
+    Returns:
+        The plan; its path is the realised one.
     """
-    realised = batch.rollout(start, path[None], absolute=True).motion.q_r  # (1, N + 1, n)
-    rollout = batch.rollout(start, realised[:, 1:], absolute=True)
+    realised = model.rollout(start, path[None], absolute=True).motion.q_r  # (1, N + 1, n)
+    rollout = model.rollout(start, realised[:, 1:], absolute=True)
     measured = {name: float(rollout.column(name)[0, -1]) for name in ("goal_distance", "d2g")}
-    terms = {f"sum_{n}": float(rollout.column(n)[0, 1:].sum()) for n in MEASURES if n.startswith("cost_")}
+    terms = {f"sum_{n}": float(rollout.column(n)[0, 1:].sum()) for n in MEASURE_COLUMNS if n.startswith("cost_")}
     return Plan(
-        robot=batch.robot.name,
-        joints=tuple(joint.name for joint in batch.robot.joints),
-        horizon=batch.task.horizon,
+        robot=model.robot.name,
+        joints=tuple(joint.name for joint in model.robot.joints),
+        horizon=model.task.horizon,
         path=realised[0],
         cost=float((rollout.cost if cost is None else cost(realised[:, 1:]))[0]),
         nominal={**measured, **terms},

@@ -7,17 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.errors import InvalidParameterError, as_count, as_floats
-from piec_envs.registration import check_motion
+from piec_envs import InvalidParameterError, Task, as_count, as_floats, check_motion
 from planners.base import Plan, nominal_start, realised_plan
 
 
-def carried_base(batch: EpisodeBatch, place: np.ndarray, share: np.ndarray, arrive: float) -> np.ndarray:
+def carried_base(task: Task, place: np.ndarray, share: np.ndarray, arrive: float) -> np.ndarray:
     """Where a sliding base moves to carry an object to the goal in a straight line, or along the reference.
 
     Args:
-        batch: gives the task.
+        task: what is to be done.
         place: of the object at the start, shape (2,), m.
         share: of the horizon that has passed, shape (m,).
         arrive: share after which the goal is reached.
@@ -25,8 +23,7 @@ def carried_base(batch: EpisodeBatch, place: np.ndarray, share: np.ndarray, arri
     Returns:
         Displacements of the base, shape (m, 2), m.
     """
-    task = batch.task
-    if batch.tracking:
+    if task.tracks:
         return task.reference[np.rint(share * task.horizon).astype(int)] - place
     return np.minimum(1.0, share / arrive)[:, None] * (task.goal - place)
 
@@ -46,7 +43,16 @@ class RigidCarry:
             raise InvalidParameterError(f"arrive must be above 0 and at most 1, got {self.arrive}")
 
     def plan(self, env_id: str, seed: int = 0, progress: bool = True, **env_kwargs: Any) -> Plan:
-        """Plan for an environment; arguments and result as those of `CmaEsPlanner.plan`.
+        """Plan for an environment.
+
+        Args:
+            env_id: id of the environment.
+            seed: recorded in the plan; nothing is drawn.
+            progress: not needed.
+            env_kwargs: keyword arguments of the nominal model.
+
+        Returns:
+            The plan.
 
         Raises:
             UnknownNameError: for an unknown environment or keyword argument.
@@ -55,13 +61,14 @@ class RigidCarry:
         check_motion(env_id)
         as_count("seed", seed, least=0)
         nominal = {"escape_field": None, **env_kwargs}
-        batch, start, _ = nominal_start(env_id, nominal, seed)
-        if batch.robot.base_dof == 0:
+        model, start, _ = nominal_start(env_id, nominal, seed)
+        task = model.task
+        if model.robot.base_dof == 0:
             raise InvalidParameterError(f"{env_id!r} has no base that slides, so that nothing can be carried")
-        share = np.arange(1, batch.task.horizon + 1) / batch.task.horizon
+        share = np.arange(1, task.horizon + 1) / task.horizon
         path = np.repeat(start.q_r, len(share), axis=0)  # (N, n)
-        path[:, : batch.robot.base_dof] += carried_base(batch, start.pose[0, :2], share, self.arrive)
+        path[:, : model.robot.base_dof] += carried_base(task, start.pose[0, :2], share, self.arrive)
         return realised_plan(
-            batch, start, path, env_id=env_id, env_kwargs=nominal, via_points=path[-1:], objective="carry",
-            preset=batch.config.preset, seed=seed,
+            model, start, path, env_id=env_id, env_kwargs=nominal, via_points=path[-1:], objective="carry",
+            preset=nominal.get("preset", "default"), seed=seed,
         )  # fmt: skip

@@ -11,15 +11,20 @@ import cma
 import numpy as np
 from tqdm import tqdm
 
-from piec_envs.console import no_bar
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import PRESETS
-from piec_envs.errors import InvalidParameterError, as_count, as_floats, check_name
-from piec_envs.escape.field import choose_field
-from piec_envs.escape.samples import CURL
-from piec_envs.registration import check_motion
+from piec_envs import (
+    CURL,
+    PRESETS,
+    InvalidParameterError,
+    Model,
+    Setup,
+    State,
+    as_count,
+    as_floats,
+    check_motion,
+    check_name,
+    choose_field,
+    console,
+)
 from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
 from planners.configuration import enclosing_posture
@@ -118,15 +123,16 @@ class CmaEsPlanner:
         Raises:
             UnknownNameError: for an unknown environment or keyword argument.
             InvalidParameterError: for a value outside its range.
+            PlanningInterrupted: on Ctrl-C, with the best plan so far, once there is one.
         """
         check_motion(env_id)
         as_count("seed", seed, least=0)
         nominal = self._nominal_kwargs(env_kwargs)
-        batch, start, config = nominal_start(env_id, nominal, seed)
-        nominal["escape_field"] = batch.config.escape_field  # by name, not as "auto"
-        search = _Search(self, batch, start, disturbed_samples(config, self, seed), seed)
+        model, start, drawn = nominal_start(env_id, nominal, seed)
+        nominal["escape_field"] = model.setup.escape_field  # by name, not as "auto"
+        search = _Search(self, model, start, disturbed_samples(drawn, self, seed), seed)
         total = self.iterations + self.robust_iterations + 1
-        with tqdm(total=total, desc=f"planning {self.objective}", disable=no_bar(progress), leave=False) as bar:
+        with tqdm(total=total, desc=f"planning {self.objective}", disable=console.no_bar(progress), leave=False) as bar:
             try:
                 search.run(bar)
             except KeyboardInterrupt as interrupt:
@@ -162,7 +168,7 @@ class _Search:
     """One run of the planner."""
 
     planner: CmaEsPlanner
-    batch: EpisodeBatch
+    model: Model
     start: State
     samples: State
     seed: int
@@ -171,10 +177,10 @@ class _Search:
     iterations: int = 0
 
     def __post_init__(self):
-        self.trajectory = ViaPointTrajectory(self.planner.via_points, self.batch.task.horizon)
-        self.lower = self.batch.robot.joint_array("lower")
-        self.upper = self.batch.robot.joint_array("upper")
-        self.cost = PathCost(self.batch, self.start)
+        self.trajectory = ViaPointTrajectory(self.planner.via_points, self.model.task.horizon)
+        self.lower = self.model.robot.joint_array("lower")
+        self.upper = self.model.robot.joint_array("upper")
+        self.cost = PathCost(self.model, self.start)
 
     @property
     def tried(self) -> list[tuple[float, np.ndarray]]:
@@ -240,16 +246,16 @@ class _Search:
         home, points = self.start.q_r[0], self.planner.via_points
         if self.planner.start == "rest":
             return np.repeat(home[None], points, axis=0)
-        base, share = self.batch.robot.base_dof, np.linspace(0, 1, points + 1)[1:]  # (points,)
+        base, share = self.model.robot.base_dof, np.linspace(0, 1, points + 1)[1:]  # (points,)
         if base:
             via = np.repeat(home[None], points, axis=0)
-            via[:, :base] += carried_base(self.batch, self.start.pose[0, :2], share, self.planner.arrive)
+            via[:, :base] += carried_base(self.model.task, self.start.pose[0, :2], share, self.planner.arrive)
             return via
-        escape = self.batch.field or choose_field(self.planner.escape_field, self.batch.robot.name)
-        pose = np.append(self.batch.task.goal, self.start.pose[0, 2])
-        sides = self.batch.robot.curl_sides(CURL[0])[::-1]  # left first
+        escape = self.model.field or choose_field(self.planner.escape_field, self.model.robot.name)
+        pose = np.append(self.model.task.goal, self.start.pose[0, 2])
+        sides = self.model.robot.curl_sides(CURL[0])[::-1]  # left first
         curl = sides[restart % len(sides)]
-        posture = enclosing_posture(self.batch, escape, pose, (self.seed, restart), curl)
+        posture = enclosing_posture(self.model.setup, escape, pose, (self.seed, restart), curl)
         return home + np.minimum(1.0, share[:, None] / self.planner.arrive) * (posture - home)
 
     def _limit(self, x) -> np.ndarray:
@@ -271,23 +277,23 @@ class _Search:
 
     def _make_plan(self, env_id: str, nominal: dict[str, Any], via: np.ndarray) -> Plan:
         return realised_plan(
-            self.batch, self.start, self._paths(via[None])[0], self._final_cost, env_id=env_id, env_kwargs=nominal,
+            self.model, self.start, self._paths(via[None])[0], self._final_cost, env_id=env_id, env_kwargs=nominal,
             via_points=via, objective=self.planner.objective, preset=self.planner.preset, seed=self.seed,
         )  # fmt: skip
 
 
-def disturbed_samples(config: EnvConfig, planner: CmaEsPlanner, seed: int) -> State:
+def disturbed_samples(setup: Setup, planner: CmaEsPlanner, seed: int) -> State:
     """Starts under the planner's own disturbances, the same for every objective.
 
     Args:
-        config: the nominal model; what its `start_noise` and `randomize` say is drawn for each sample.
+        setup: of the nominal model; what its `start_noise` and `randomize` say is drawn for each sample.
         planner: gives the number of samples and the disturbance.
         seed: of their random numbers.
+
+    Returns:
+        One state for each sample.
     """
-    count = planner.robust_samples
-    changes: dict[str, Any] = {"adversary": 0.0, "escape_field": None, "prior": None}
-    disturbed = dataclasses.replace(config, disturbance=planner.robust_disturbance, **changes)
-    batch = EpisodeBatch(disturbed, count)
-    seeds = np.random.default_rng([NOISE_STREAM, seed]).integers(2**62, size=count)
-    batch.reset(np.arange(count), seeds.tolist())
-    return batch.state
+    plant = setup.plant.replace({"disturbance": planner.robust_disturbance, "adversary": 0.0})
+    disturbed = Model(dataclasses.replace(setup, plant=plant, escape_field=None, prior=-1))
+    seeds = np.random.default_rng([NOISE_STREAM, seed]).integers(2**62, size=planner.robust_samples)
+    return disturbed.begin(seeds.tolist(), plant)

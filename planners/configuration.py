@@ -8,12 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.episodes.posture import CagingProblem, Postures
-from piec_envs.errors import InvalidParameterError, InvalidStateError, as_count, as_floats, check_name
-from piec_envs.escape.field import EscapeField
-from piec_envs.escape.samples import CURL
-from piec_envs.world.robots import get_robot
+from piec_envs import (
+    CURL,
+    CagingProblem,
+    EscapeField,
+    InvalidParameterError,
+    InvalidStateError,
+    Postures,
+    Setup,
+    as_count,
+    as_floats,
+    check_name,
+    get_robot,
+)
 from planners.strategy import GUESS_STREAM, make_strategy
 
 GUESSES = ("uniform", "curled", "left", "right")
@@ -62,7 +69,11 @@ class Incumbent:
         self.queries, self.history = queries, list[float]()
 
     def offer(self, q: np.ndarray, judged: Postures) -> bool:
-        """Take the best of some postures (B, n) if it beats the one that is held; ends an iteration.
+        """Take the best of some postures if it beats the one that is held; ends an iteration.
+
+        Args:
+            q: postures, shape (B, n), rad or m.
+            judged: what the problem says of them.
 
         Returns:
             Whether it does.
@@ -94,7 +105,14 @@ class Incumbent:
 
 
 def check_start(problem: CagingProblem, start: np.ndarray) -> np.ndarray:
-    """A start posture, shape (n,).
+    """A start posture, checked.
+
+    Args:
+        problem: gives the joint limits.
+        start: joint positions, shape (n,), rad or m.
+
+    Returns:
+        A copy, shape (n,).
 
     Raises:
         InvalidStateError: if it has the wrong shape, is not finite, or breaks the joint limits.
@@ -158,7 +176,16 @@ class Start:
     def searches(
         self, problem: CagingProblem, seed: int | Sequence[int], start: np.ndarray | None, count: int
     ) -> Iterator[Incumbent]:
-        """Where each of `count` searches begins: the first at `start`, if that is given.
+        """Where each of some searches begins: the first at `start`, if that is given.
+
+        Args:
+            problem: in which they are held.
+            seed: a number, or several, that seed the random postures.
+            start: joint positions, shape (n,), rad or m; None draws it as all others.
+            count: how many searches.
+
+        Yields:
+            What holds one search, at its start.
 
         Raises:
             InvalidStateError: for a start of the wrong shape, not finite or beyond the limits.
@@ -240,14 +267,14 @@ class CmaEsConfiguration:
 
 
 def enclosing_posture(
-    batch: EpisodeBatch, field: EscapeField, pose: np.ndarray, seed: Sequence[int], curl: float | None = None
+    setup: Setup, field: EscapeField, pose: np.ndarray, seed: Sequence[int], curl: float | None = None
 ) -> np.ndarray:
     """A posture that encloses the object of a task at a pose, for planners to start from.
 
     Random curled postures start CMA-ES, since the objective is flat where the arm is far away.
 
     Args:
-        batch: gives robot and object.
+        setup: gives robot and object.
         field: the escape field.
         pose: object pose, shape (3,).
         seed: numbers that seed all randomness.
@@ -256,8 +283,8 @@ def enclosing_posture(
     Returns:
         Joint positions, shape (n,).
     """
-    config = batch.config
-    problem = CagingProblem(batch.robot.name, config.object, pose, field, clearance=REACHABLE, threads=config.threads)
+    threads = setup.threads
+    problem = CagingProblem(setup.robot, setup.plant.object, pose, field, clearance=REACHABLE, threads=threads)
     kind = "curled" if curl is None else "left" if curl > 0 else "right"
     search = CmaEsConfiguration(50, iterations=40, restarts=1, sigma=0.3, guesses=500, kind=kind)
     return search.solve(problem, seed).posture

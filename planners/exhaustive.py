@@ -14,10 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.episodes.posture import CagingProblem
-from piec_envs.errors import InvalidParameterError, as_count, as_floats
-from piec_envs.escape.field import REDUCTIONS
-from piec_envs.world.robots import get_robot
+from piec_envs import REDUCTIONS, CagingProblem, InvalidParameterError, as_count, as_floats, get_robot
 from planners.configuration import CmaEsConfiguration, Configuration
 
 LEAST_SPACING = 0.005  # rad, m
@@ -62,7 +59,7 @@ class ExhaustiveConfiguration:
         Args:
             problem: with one pose, and a robot whose first joint that turns does so about the base.
             seed: a number, or several, that seed the polish.
-            start: not needed: all postures are tried.
+            start: not needed, of any shape: all postures are tried.
 
         Returns:
             The best posture of all; `start` is the one of the grid that it came from, and `queries`
@@ -157,7 +154,15 @@ def outer_postures(problem: CagingProblem, headings: int, offset: float) -> np.n
 
 
 def inner_postures(problem: CagingProblem, spacing: float) -> np.ndarray:
-    """All postures of the joints after that, at most `spacing` (rad) apart, shape (B, n - b - 1), rad."""
+    """All postures of the joints after the first that turns, on a grid within their limits.
+
+    Args:
+        problem: gives the joint limits.
+        spacing: largest step of a joint, rad.
+
+    Returns:
+        Shape (B, n - b - 1), rad.
+    """
     first = get_robot(problem.robot).base_dof + 1
     lower, upper = problem.lower[first:], problem.upper[first:]
     counts = np.ceil((upper - lower) / spacing).astype(int) + 1

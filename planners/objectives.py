@@ -7,16 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.episodes.rollout import Rollout
-from piec_envs.episodes.state import State
-from piec_envs.episodes.tasks import GOAL_RADIUS
-from piec_envs.errors import check_name
-from piec_envs.geometry.distance import self_distance
-from piec_envs.geometry.kinematics import link_frames, place_shapes
-from piec_envs.kernels import batch_kernel
-from piec_envs.parallel import run_rows
-from piec_envs.world.scene import pack_scene
+from piec_envs import GOAL_RADIUS, Model, Rollout, State, check_name, self_distances
 
 CROSSING_EVERY = 10  # steps between two checks of the arm against itself
 CROSSING_WEIGHT = 1e6  # per metre of overlap and step checked: far above any stage cost
@@ -59,63 +50,35 @@ def get_objective(name: str) -> Objective:
     return OBJECTIVES[name]
 
 
-@batch_kernel
-def _self_distance_rows(lo, hi, scene, path, every, least):
-    """Least distance of the arm to itself at every k-th step of each path, shape (B, N // k)."""
-    frames = np.empty((scene.stiffness.shape[0] + 1, 4))
-    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
-    for i in range(lo, hi):
-        for k in range(least.shape[1]):
-            link_frames(scene, path[i, (k + 1) * every - 1], frames)
-            place_shapes(scene.robot, frames, vertices, centres)
-            least[i, k] = self_distance(scene, vertices)
-
-
-def self_distances(batch: EpisodeBatch, path: np.ndarray, every: int) -> np.ndarray:
-    """Least distance between parts of the arm that could collide, at every k-th configuration of each path.
+def crossing(model: Model, path: np.ndarray) -> np.ndarray:
+    """How far the arm overlaps itself along each path, added up over every tenth step.
 
     Parts that cannot touch the object count as well.
 
     Args:
-        batch: gives the robot.
-        path: joint positions, shape (B, N, n).
-        every: k.
-
-    Returns:
-        Shape (B, N // k), m; negative where the arm overlaps itself.
-    """
-    path, scene = np.ascontiguousarray(path), pack_scene(batch.robot.whole_name, batch.config.object)
-    least = np.empty((len(path), path.shape[1] // every))
-    run_rows(_self_distance_rows, len(path), batch.config.threads, scene, path, every, least)
-    return least
-
-
-def crossing(batch: EpisodeBatch, path: np.ndarray) -> np.ndarray:
-    """How far the arm overlaps itself along each path, added up over every tenth step.
-
-    Args:
-        batch: gives the robot.
+        model: gives the robot.
         path: joint positions, shape (B, N, n).
 
     Returns:
         Shape (B,), m; 0 where links that could collide never overlap.
     """
-    return np.maximum(0.0, -self_distances(batch, path, CROSSING_EVERY)).sum(axis=1)
+    some = path[:, CROSSING_EVERY - 1 :: CROSSING_EVERY]
+    least = self_distances(model.robot.whole_name, some, model.setup.threads)
+    return np.maximum(0.0, -least).sum(axis=1)
 
 
 class PathCost:
     """Cost of following joint paths from one start under the nominal model.
 
     Args:
-        batch: the nominal model.
+        model: the nominal one.
         start: one state.
     """
 
-    def __init__(self, batch: EpisodeBatch, start: State):
-        self.batch, self.start = batch, start
-        self._plain = EpisodeBatch(
-            dataclasses.replace(batch.config, escape_field=None, prior=None, adversary=0.0), rows=1
-        )
+    def __init__(self, model: Model, start: State):
+        self.model, self.start = model, start
+        calm = model.setup.plant.replace({"adversary": 0.0})
+        self._plain = Model(dataclasses.replace(model.setup, plant=calm, escape_field=None, prior=-1))
 
     def nominal(self, path: np.ndarray) -> np.ndarray:
         """Summed stage cost of each path without noise, and the penalties on links that cross and on divergence.
@@ -153,16 +116,16 @@ class PathCost:
         task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)
         excess = (nominal + task) / (1 + count) - nominal
         beyond = noisy.column("goal_distance")[:, -1].reshape(rows, count) - (GOAL_RADIUS - MISS_MARGIN)
-        miss = self.batch.weights.miss * np.maximum(0.0, beyond).mean(axis=1)
-        cost = rollout.cost + self.batch.weights.task * excess + miss + self._crossed(rollout)
+        miss = self.model.weights.miss * np.maximum(0.0, beyond).mean(axis=1)
+        cost = rollout.cost + self.model.weights.task * excess + miss + self._crossed(rollout)
         return cost + _unreached(rollout) + _unreached(noisy).reshape(rows, count).mean(axis=1)
 
     def _run(self, path: np.ndarray) -> Rollout:
-        return self.batch.rollout(self.start, path, absolute=True)
+        return self.model.rollout(self.start, path, absolute=True)
 
     def _crossed(self, rollout: Rollout) -> np.ndarray:
         """Penalty on links that cross each other, shape (B,)."""
-        return CROSSING_WEIGHT * crossing(self.batch, rollout.motion.q_r[:, 1:])
+        return CROSSING_WEIGHT * crossing(self.model, rollout.motion.q_r[:, 1:])
 
 
 def _unreached(rollout: Rollout) -> np.ndarray:

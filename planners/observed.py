@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
-import piec_envs  # noqa: F401  registers the environments
-from piec_envs.errors import InvalidObservationError
-from piec_envs.registration import check_motion
+from piec_envs import InvalidObservationError, make_model
 
 GOALS = {"achieved_goal": 2, "desired_goal": 2}  # entries beside "observation" of a goal-conditioned environment
 FAR = 2.0  # times the bound of the space: noise of a sensor stays below, other units and other entries do not
@@ -31,12 +28,11 @@ class ObservationReader:
     """
 
     def __init__(self, env_id: str, env_kwargs: Mapping[str, Any], horizon: int):
-        check_motion(env_id)
         deciding = {name: env_kwargs[name] for name in ("contact", "geometry", "reference") if name in env_kwargs}
-        env: Any = gym.make(env_id, disable_env_checker=True, escape_field=None, **deciding).unwrapped
-        self.env_id, self.horizon, self.layout = env_id, horizon, dict(env.observation_layout)
-        self.bound = np.array(env.observation_space.high)  # (entries,)
-        robot = env.batch.robot
+        model = make_model(env_id, escape_field=None, **deciding)
+        self.env_id, self.horizon, self.layout = env_id, horizon, model.layout.slices
+        self.bound = model.layout.bound  # (entries,)
+        robot = model.robot
         lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
         self.middle, self.half = (upper + lower) / 2, (upper - lower) / 2
         self._turning = slice(robot.base_dof, robot.dof)

@@ -11,9 +11,7 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from piec_envs.episodes.posture import FEASIBLE, CagingProblem, Postures
-from piec_envs.errors import InvalidParameterError, as_count, as_floats
-from piec_envs.escape.field import CAGING_SCALE
+from piec_envs import CAGING_SCALE, FEASIBLE, CagingProblem, InvalidParameterError, Postures, as_count, as_floats
 from planners.configuration import Configuration, Incumbent, Start
 
 OSQP_OPTIONS = {"verbose": False, "eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 4000}
@@ -93,7 +91,7 @@ class SqpConfiguration:
     def solve(
         self, problem: CagingProblem, seed: int | Sequence[int] = 0, start: np.ndarray | None = None
     ) -> Configuration:
-        """Search for the best posture; arguments and result as those of `CmaEsConfiguration.solve`."""
+        """Search for the best posture; see `CmaEsConfiguration.solve`."""
         starts = Start(self.guesses, self.kind).searches(problem, seed, start, 1 + self.restarts)
         found = []
         for held in starts:
@@ -121,13 +119,30 @@ class SqpConfiguration:
             q = np.clip(here.q + size * step, problem.lower, problem.upper)
 
     def linearise(self, problem: CagingProblem, q: np.ndarray) -> Linearised:
-        """The problem around a posture, shape (n,)."""
+        """The problem around a posture.
+
+        Args:
+            problem: with one pose.
+            q: the posture, shape (n,), rad or m.
+
+        Returns:
+            Objective and constraints with their gradients there.
+        """
         times, slopes = problem.escape_time(q[None])
         phi, dphi = problem.constraints(q[None])
         return Linearised(q, -self.scale * slopes[0], phi[0], dphi[0], Postures(times, phi))
 
     def step(self, problem: CagingProblem, here: Linearised, trust: float) -> np.ndarray:
-        """D of the quadratic program around a posture, shape (n,); zero where no share can be undone."""
+        """The step D of the quadratic program around a posture (paper, appendix A.1.2).
+
+        Args:
+            problem: gives the joint limits.
+            here: the problem around the posture.
+            trust: largest change of a joint, rad or m.
+
+        Returns:
+            Shape (n,), rad or m; zero where no share of an overlap can be undone.
+        """
         n = len(here.q)
         hessian = np.outer(here.g, here.g) + self.regulariser * np.eye(n)  # H = J^T J + 1e-2 I
         rows = sparse.csc_matrix(np.vstack([here.dphi, np.eye(n)]))  # (m + n, n)
@@ -145,7 +160,15 @@ class SqpConfiguration:
 
 
 def step_size(size: float, violation: float) -> float:
-    """The next step size after a posture that breaks its constraints by at most `violation`, m."""
+    """The next step size (paper, appendix A.1.2).
+
+    Args:
+        size: the last one, in (0, 1].
+        violation: the most by which the posture breaks a constraint, m.
+
+    Returns:
+        The size, shrunk by 0.8 above 1e-3 m, grown by 1.1 below `FEASIBLE`, else as it is.
+    """
     if violation > BROKEN:
         return max(LEAST_STEP, SHRINK * size)
     return min(1.0, GROW * size) if violation < FEASIBLE else size

@@ -24,6 +24,9 @@ def make_strategy(
         population: candidates in each iteration.
         seed: numbers that seed this search's own generator.
         bounds: lower and upper bounds, each of shape (d,); None is unbounded.
+
+    Returns:
+        The search, of the package `cma`.
     """
     rng = np.random.default_rng([SEARCH_STREAM, *seed])
     options = {

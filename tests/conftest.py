@@ -17,7 +17,7 @@ from hypothesis import settings
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 
-from piec_envs.dynamics.base import Commands, Plant
+from piec_envs.dynamics.protocol import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.errors import MissingDependencyError
 from piec_envs.escape import table

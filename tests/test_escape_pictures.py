@@ -9,7 +9,7 @@ from scipy.ndimage import label
 
 from piec_envs.escape.samples import robot_distance
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import robot_frames
+from piec_envs.geometry.batched import robot_frames
 from piec_envs.rendering.escape import (
     ENCLOSED,
     FREE,
@@ -53,7 +53,7 @@ def floods(q, pose, margin):
 )
 def test_what_is_enclosed_is_what_a_flood_does_not_leave(turn, curl, shift):
     q = np.array([turn, *curl])
-    pose = np.array([*robot_frames(get_robot("planar_arm"), q)[:, :2].mean(axis=0) + shift, 0.0])
+    pose = np.array([*robot_frames("planar_arm", q)[:, :2].mean(axis=0) + shift, 0.0])
     escape = solve_escape("planar_arm", CIRCLE, pose, q)
     wide, narrow = floods(q, pose, 0.015), floods(q, pose, -0.015)  # either side of what two grids may see otherwise
     if wide == narrow and robot_distance("planar_arm", pose[None, :2], q)[0] > SPEED.d0 + 0.015:

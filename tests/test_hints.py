@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 import piec_envs.shadows
 import piec_envs.versions
 from evaluation.protocols import PROTOCOLS
+from piec_envs.env.registry import ENVS
 from piec_envs.errors import MissingDependencyError, UnknownNameError, check_name, closest
 from piec_envs.files import why_unreadable
-from piec_envs.registration import ENVS
 from piec_envs.shadows import shadow_of
 from piec_envs.versions import install_command
 from piec_envs.world.objects import OBJECTS

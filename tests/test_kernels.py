@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from piec_envs.kernels import batch_kernel, kernel
+
 ROOT = Path(__file__).resolve().parents[1]
 # Numba keeps code beside the source if it can, else in a home folder. The installation cannot be written
 # here, whoever runs this. Importing an environment meets all kernels, and one small one is run.
@@ -16,7 +18,7 @@ READ_ONLY = """
 import os
 from numba.core import caching
 caching.InTreeCacheLocator.get_cache_path = lambda self: os.path.join(self._py_file, "__pycache__")
-import numpy as np, piec_envs.env, piec_envs.cage_env
+import numpy as np, piec_envs.env.makers
 from piec_envs.escape import key_points_world
 print(key_points_world(np.eye(2), np.array([1.0, 2.0, 0.0])).tolist())
 """
@@ -44,3 +46,20 @@ def test_a_read_only_installation_works_and_says_what_to_set_where_nothing_is_ke
     lines = [line for line in result.stderr.splitlines() if "NUMBA_CACHE_DIR" in line]
     assert lines == result.stderr.splitlines() and len(lines) == (where == "nowhere")
     assert any(tmp_path.rglob("*._place-*.nbc")) == (where in ("home", "variable"))
+
+
+def test_a_kernel_for_kernels_alone_refuses_python():
+    """It has no entry from Python: Numba would jump to nowhere."""
+
+    @kernel
+    def _twice(x):
+        return 2 * x
+
+    @batch_kernel
+    def fourfold(x):
+        return _twice(_twice(x))
+
+    for _ in range(2):  # before it is compiled, and after
+        with pytest.raises(TypeError, match="_twice is called by other kernels alone"):
+            _twice(1.0)
+        assert fourfold(1.0) == 4.0

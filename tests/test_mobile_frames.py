@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
-from piec_envs.episodes.tasks import MOBILE, mobile_franka_track
 from piec_envs.errors import RenderingError
+from piec_envs.model.task import MOBILE, mobile_franka_track
 from piec_envs.rendering.drawing import (
     PALE,
     arm_outlines,
@@ -93,8 +93,10 @@ def frames(renderer, contact):
     env = gym.make("piec_envs/MobileFrankaPush-v0", render_mode="rgb_array", renderer=renderer, **options).unwrapped
     env.reset(seed=0)
     pictures = [env.render()]
-    env.batch.state.q_r[0, :2] += [0.2, -0.3]
-    env.batch.state.pose[0, :2] = 1.2, 0.9  # out of the way
+    state = env.get_state()
+    state.q_r[0, :2] += [0.2, -0.3]
+    state.pose[0, :2] = 1.2, 0.9  # out of the way
+    env.set_state(state)
     pictures.append(env.render())
     env.close()
     return pictures

@@ -14,8 +14,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import RenderingError
-from piec_envs.registration import MOTIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PUSH = "piec_envs/PlanarArmPush-v0"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from piec_envs.registration import ENVS
+from piec_envs.env.registry import ENVS
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -11,10 +11,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.episodes.config import EnvConfig
+from piec_envs.env.config import EnvConfig
 from piec_envs.errors import RenderingError, UnknownNameError
-from piec_envs.rendering.drawing import base_position, link_outlines, robot_frames
+from piec_envs.escape.field import choose_field
+from piec_envs.geometry.batched import robot_frames
+from piec_envs.model.model import Model
+from piec_envs.rendering.drawing import base_position, link_outlines
 from piec_envs.rendering.escape import picture_field
 from piec_envs.rendering.field import FIELD_TOP, _filled
 from piec_envs.rendering.frame import render_frame
@@ -29,62 +31,63 @@ ENCLOSING = [-0.34, 1.4, 1.96, 0.82]  # the point (0.3, 0.1)
 
 
 def episode(task="planar_arm_push", **options):
-    batch = EpisodeBatch(EnvConfig(task, **options), 1)
-    batch.reset(np.array([0]), [0])
-    return batch
+    """What a frame is drawn of: a model, a state of it, and what is measured of that."""
+    model = Model(EnvConfig(task=task, **options).resolve())
+    state = model.begin([0], model.setup.plant)
+    return model, state, model.measure(state).last
 
 
 def test_frame_is_an_image_of_the_asked_size():
-    frame = render_frame(episode(), 0)
+    frame = render_frame(*episode(), 0)
     assert frame.shape == (720, 720, 3) and frame.dtype == np.uint8
-    assert render_frame(episode(escape_field=None), 0, size=SIZE).shape == (SIZE, SIZE, 3)
+    assert render_frame(*episode(escape_field=None), 0, size=SIZE).shape == (SIZE, SIZE, 3)
 
 
 def test_same_state_same_picture():
     trail = np.array([[0.5, 0.3], [0.55, 0.25]])
-    assert np.array_equal(*(render_frame(episode(), 0, trail, size=SIZE) for _ in range(2)))
+    assert np.array_equal(*(render_frame(*episode(), 0, trail, size=SIZE) for _ in range(2)))
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda batch: batch.state.q_r.__setitem__(0, CURLED),
-        lambda batch: batch.state.pose.__setitem__((0, 0), 0.4),
-        lambda batch: batch.contact.__setitem__((0, 1), True),
-        lambda batch: batch.state.step.__setitem__(0, 500),
+        lambda state, measured: state.q_r.__setitem__(0, CURLED),
+        lambda state, measured: state.pose.__setitem__((0, 0), 0.4),
+        lambda state, measured: measured.contact.__setitem__((0, 1), True),
+        lambda state, measured: state.step.__setitem__(0, 500),
     ],
     ids=["robot", "object", "contact", "time"],
 )
 def test_picture_follows_the_state(change):
-    batch = episode()
-    before = render_frame(batch, 0, size=SIZE)
-    change(batch)
-    assert not np.array_equal(before, render_frame(batch, 0, size=SIZE))
+    model, state, measured = episode()
+    before = render_frame(model, state, measured, 0, size=SIZE)
+    change(state, measured)
+    assert not np.array_equal(before, render_frame(model, state, measured, 0, size=SIZE))
 
 
 def test_field_trail_and_reference_are_drawn():
-    plain = render_frame(episode(escape_field=None), 0, size=SIZE)
+    plain = render_frame(*episode(escape_field=None), 0, size=SIZE)
     trail = np.column_stack([np.linspace(-0.5, 0.5, 20), np.full(20, -0.6)])
-    assert not np.array_equal(plain, render_frame(episode(), 0, size=SIZE))
-    assert not np.array_equal(plain, render_frame(episode(escape_field=None), 0, trail, size=SIZE))
-    assert not np.array_equal(plain, render_frame(episode("planar_arm_track", escape_field=None), 0, size=SIZE))
+    assert not np.array_equal(plain, render_frame(*episode(), 0, size=SIZE))
+    assert not np.array_equal(plain, render_frame(*episode(escape_field=None), 0, trail, size=SIZE))
+    assert not np.array_equal(plain, render_frame(*episode("planar_arm_track", escape_field=None), 0, size=SIZE))
 
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_every_object_is_drawn(name):
     frame, *others = (
-        render_frame(episode(object=each, escape_field=None, dynamics="mujoco"), 0, size=SIZE)
+        render_frame(*episode(object=each, escape_field=None, dynamics="mujoco"), 0, size=SIZE)
         for each in (name, *(other for other in OBJECTS if other != name))
     )
     assert not any(np.array_equal(frame, other) for other in others)
 
 
 def test_loose_bodies_are_drawn_where_they_are():
-    batch = episode(object="a4_box_roll_1", escape_field=None, dynamics="mujoco")
-    before, memory = render_frame(batch, 0, size=SIZE), batch.state.memory[0].copy()
+    model, state, measured = episode(object="a4_box_roll_1", escape_field=None, dynamics="mujoco")
+    before, memory = render_frame(model, state, measured, 0, size=SIZE), state.memory[0].copy()
     memory[12] -= 0.5  # x of the roll, after the time, four joints and the box
-    batch.state.memory[0] = memory
-    after = render_frame(batch, 0, size=SIZE)
+    state.memory[0] = memory
+    after = render_frame(model, state, measured, 0, size=SIZE)
     x = np.argwhere((before != after).any(axis=2))[:, 1]
     assert np.ptp(x) * 2 * 1.4 * 1.03 / SIZE == pytest.approx(0.6, abs=0.03)  # it has left one place for the other
 
@@ -93,7 +96,7 @@ def test_loose_bodies_are_drawn_where_they_are():
 def test_outlines_sit_on_their_frames(name):
     robot = get_robot(name)
     q = 0.1 + 0.5 * robot.home
-    frames = robot_frames(robot, q)
+    frames = robot_frames(robot.name, q)
     for link, outlines in zip(robot.links, link_outlines(robot, q), strict=True):
         reach = max(float(np.linalg.norm(shape.vertices, axis=1).max()) + shape.radius for shape in link.shapes)
         offsets = np.concatenate(outlines) - frames[link.frame, :2]
@@ -102,7 +105,7 @@ def test_outlines_sit_on_their_frames(name):
 
 
 def test_picture_of_an_enclosed_place_is_finite_and_dark():
-    field = picture_field("planar_arm", EnvConfig("planar_arm_push").make_field()[0].speed)
+    field = picture_field("planar_arm", choose_field("auto", "planar_arm").speed)
     field_map = field.solve(np.array(ENCLOSING))
     shown = _filled(field_map, field.speed)
     assert np.isfinite(shown).all() and shown.min() >= 0
@@ -113,9 +116,9 @@ def test_picture_of_an_enclosed_place_is_finite_and_dark():
 def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
     code = (
         "import sys, numpy as np, piec_envs, piec_envs.rendering.frame; early = 'matplotlib' in sys.modules\n"
-        "from piec_envs.episodes.config import EnvConfig; from piec_envs.episodes.batch import EpisodeBatch\n"
-        "batch = EpisodeBatch(EnvConfig('planar_arm_push'), 1); batch.reset(np.array([0]), [0])\n"
-        "piec_envs.rendering.frame.render_frame(batch, 0, size=100)\n"
+        "from piec_envs.env.makers import make_model\n"
+        "model = make_model('piec_envs/PlanarArmPush-v0'); state = model.reset(0)\n"
+        "piec_envs.rendering.frame.render_frame(model, state, model.measure(state).last, 0, size=100)\n"
         "print(early, 'matplotlib.pyplot' in sys.modules)"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -18,10 +18,7 @@ from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
 from evaluation.bench.learning import rollout_collection
 from evaluation.bench.planning import default_plans, franka_plan, one_search, static_caging
-from piec_envs.console import no_bar
-from piec_envs.parallel import available_threads
-from piec_envs.sources import source
-from piec_envs.versions import versions
+from piec_envs import available_threads, console, provenance
 
 __all__ = ["QUICK", "Sizes", "run_bench"]
 
@@ -55,10 +52,10 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "MuJoCo": mujoco_steps,
     }
     rows: list[Row] = []
-    with tqdm(benchmarks.items(), disable=no_bar(progress), desc="bench") as bar:
+    with tqdm(benchmarks.items(), disable=console.no_bar(progress), desc="bench") as bar:
         for name, benchmark in bar:
             bar.set_postfix_str(name)
             rows += benchmark(sizes)
     machine = {"cores": available_threads(), "system": platform.system(), "architecture": platform.machine()}
-    made_by = {"versions": versions(), "source": source()}
+    made_by = {"versions": provenance.versions(), "source": provenance.source()}
     return {"rows": rows, "sizes": asdict(sizes), "machine": machine, **made_by}

@@ -8,13 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
-import piec_envs  # noqa: F401  registers the environments
 from evaluation.studies import PUSH
-from piec_envs.episodes.batch import EpisodeBatch
-from piec_envs.errors import InvalidParameterError
+from piec_envs import InvalidParameterError, Model, State, make_model
 
 Row = dict[str, Any]
 
@@ -84,7 +81,15 @@ QUICK = Sizes(
 
 
 def median_seconds(call: Callable[[], Any], repeats: int) -> float:
-    """Median time of a call, after one that is not counted."""
+    """Median time of a call, after one that is not counted.
+
+    Args:
+        call: without arguments.
+        repeats: how often it is timed.
+
+    Returns:
+        The median, s.
+    """
     call()
     times = []
     for _ in range(repeats):
@@ -95,13 +100,34 @@ def median_seconds(call: Callable[[], Any], repeats: int) -> float:
 
 
 def row(benchmark: str, result: float, unit: str, wanted: str = "", note: str = "") -> Row:
-    """One line of the table; `wanted` is "", "at most 3" or "at least 3", and decides "met"."""
+    """One line of the table.
+
+    Args:
+        benchmark: its name.
+        result: NaN where nothing was measured.
+        unit: of the result.
+        wanted: "", or such as "at most 3" or "at least 3", which decides "met".
+        note: what else there is to say.
+
+    Returns:
+        The line by the names of the columns.
+
+    Raises:
+        InvalidParameterError: as `verdict` does.
+    """
     met = verdict(float(result), wanted)
     return {"benchmark": benchmark, "result": float(result), "unit": unit, "wanted": wanted, "met": met, "note": note}
 
 
 def verdict(result: float, wanted: str) -> str:
-    """Whether a result is what is wanted of it: "pass", "miss", or "" where nothing is wanted or measured.
+    """Whether a result is what is wanted of it.
+
+    Args:
+        result: NaN where nothing was measured.
+        wanted: "", or such as "at most 3" or "at least 3".
+
+    Returns:
+        "pass", "miss", or "" where nothing is wanted or measured.
 
     Raises:
         InvalidParameterError: if `wanted` cannot be understood.
@@ -117,8 +143,7 @@ def verdict(result: float, wanted: str) -> str:
 BOUNDS = {"at most": operator.le, "at least": operator.ge}
 
 
-def make_batch(**kwargs: Any) -> EpisodeBatch:
-    """The batch behind a fresh single environment, started."""
-    env: Any = gym.make(PUSH, disable_env_checker=True, **kwargs).unwrapped
-    env.reset(seed=0)
-    return env.batch
+def make_started(**kwargs: Any) -> tuple[Model, State]:
+    """The model of a push with the planar arm, and its start."""
+    model = make_model(PUSH, **kwargs)
+    return model, model.reset(0)

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from evaluation.bench.base import Row, Sizes, row
-from piec_envs.errors import EngineError
+from piec_envs import EngineError
 
 NOTES = {"cold": "a fresh process that compiles all its kernels", "warm": "a fresh process, kernels compiled before"}
 

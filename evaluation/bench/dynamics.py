@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.bench.base import Row, Sizes, make_batch, median_seconds, row
-from piec_envs.dynamics.base import Commands, Motion, Plant
-from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
+from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
+from piec_envs import Commands, Motion, Plant, QuasiDynamics
 
 
 def mujoco_steps(sizes: Sizes) -> list[Row]:
     """The same motion as in `contact_step`, under MuJoCo with the object on a table: 50 engine steps in each step."""
-    from piec_envs.dynamics.mujoco_ import MujocoDynamics  # loads MuJoCo
+    from piec_envs import MujocoDynamics  # loads MuJoCo
 
     rows, steps = sizes.mujoco_rows, sizes.motion
     actions = np.random.default_rng(0).uniform(0.4, 0.6, (rows, steps, 4))
-    state = make_batch(escape_field=None).state
+    _, state = make_started(escape_field=None)
     q_r, q_cmd, pose = (np.repeat(value, rows, axis=0) for value in (state.q_r, state.q_cmd, state.pose))
     plant = Plant("planar_arm", ["circle"] * rows, np.full(rows, 0.5))
     seconds: dict[int, float] = {}
@@ -47,10 +46,9 @@ def _plain_loop(motion: Motion) -> float:
     """Seconds for one row of a motion in a Python loop over `mj_step`."""
     import mujoco
 
-    from piec_envs.dynamics.mjcf import get_model
-    from piec_envs.dynamics.mujoco_ import ENGINE_STEPS
+    from piec_envs import ENGINE_STEPS, mujoco_model
 
-    model: Any = get_model("planar_arm", "circle", 0.5)
+    model: Any = mujoco_model("planar_arm", "circle", 0.5)
     data = mujoco.MjData(model)
     x, y, angle = motion.pose[0, 0]
     data.qpos[:] = (*motion.q_r[0, 0], x, y, data.qpos[6], np.cos(angle / 2), 0, 0, np.sin(angle / 2))

@@ -11,7 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from evaluation.bench.base import Row, Sizes, make_batch, median_seconds, row
+from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
 from evaluation.studies import PUSH
 
 
@@ -70,8 +70,8 @@ def rollout_threads(sizes: Sizes) -> list[Row]:
     controls = np.random.default_rng(0).uniform(0.4, 0.6, (sizes.envs, sizes.env_steps, 4))
     for label, kwargs in (("no field", {"escape_field": None}), ("defaults", {})):
         for threads in _thread_counts():
-            batch = make_batch(threads=threads, **kwargs)
-            call = partial(batch.rollout, batch.state, controls, absolute=False)
+            model, start = make_started(threads=threads, **kwargs)
+            call = partial(model.rollout, start, controls)
             rate = sizes.envs * sizes.env_steps / median_seconds(call, sizes.repeats)
             rows.append(row(f"rollout, {label}, threads: {threads}", rate, "steps/s", "", f"{sizes.envs} rows"))
     return rows

@@ -8,9 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from evaluation.bench.base import Row, Sizes, median_seconds, row
-from piec_envs.escape.network import NetworkField
-from piec_envs.escape.samples import draw_configurations
-from piec_envs.escape.table import TableField
+from piec_envs import NetworkField, TableField, draw_configurations
 
 BATCHES = {5000: 1.5, 50: 3.0}  # points, and the most microseconds a point may take
 TABLED = "franka_capsules"

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
-from evaluation.bench.base import Row, Sizes, make_batch, median_seconds, row
-from piec_envs.dynamics.base import Commands, Plant
-from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
-from piec_envs.errors import MissingDependencyError
-from piec_envs.escape.grid import GridField
-from piec_envs.versions import install_command
+from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
+from piec_envs import Commands, GridField, MissingDependencyError, Plant, QuasiDynamics, make_model, provenance
 
 
 def contact_step(sizes: Sizes) -> list[Row]:
@@ -21,7 +15,7 @@ def contact_step(sizes: Sizes) -> list[Row]:
 
     The arm curls towards the object and pushes it along; both solvers do the same motion.
     """
-    state = make_batch(escape_field=None).state
+    _, state = make_started(escape_field=None)
     actions = np.random.default_rng(0).uniform(0.4, 0.6, (sizes.rows, sizes.motion, 4))
     found = {}
     for solver, rows, repeats in (("fast", sizes.rows, sizes.repeats), ("osqp", 1, 3)):
@@ -54,18 +48,16 @@ def franka_steps(sizes: Sizes) -> list[Row]:
 
 def _carry(sizes: Sizes, name: str, sigma: float, label: str, wanted: str) -> Row:
     """Time of a step while the base carries the object to the goal and the arm closes on it a little."""
-    env: Any = gym.make(
-        "piec_envs/MobileFrankaPush-v0", disable_env_checker=True, start="cage", object=name, disturbance=sigma,
-        escape_field=None, threads=1,
-    ).unwrapped  # fmt: skip
-    env.reset(seed=0)
-    time, batch = np.arange(1, sizes.motion + 1) / sizes.motion, env.batch
-    path = np.tile(batch.config.posture, (sizes.rows, sizes.motion, 1))
-    path[:, :, :2] += np.minimum(1.0, time / 0.6)[:, None] * (batch.task.goal - batch.task.start[:2])
+    model = make_model(
+        "piec_envs/MobileFrankaPush-v0", start="cage", object=name, disturbance=sigma, escape_field=None, threads=1
+    )
+    time, task = np.arange(1, sizes.motion + 1) / sizes.motion, model.task
+    path = np.tile(model.setup.posture, (sizes.rows, sizes.motion, 1))
+    path[:, :, :2] += np.minimum(1.0, time / 0.6)[:, None] * (task.goal - task.start[:2])
     path[:, :, 3:] -= 0.1 * time[None, :, None] * np.random.default_rng(0).uniform(0, 1, (sizes.rows, 1, 2))
-    states = batch.state.take([0] * sizes.rows)
+    states = model.reset(0).take([0] * sizes.rows)
     states.seed = np.arange(sizes.rows)
-    call = partial(batch.rollout, states, path, absolute=True)
+    call = partial(model.rollout, states, path, absolute=True)
     share = float((call().motion.active[:, 1:] > 0).mean())
     seconds = median_seconds(call, sizes.repeats) / (sizes.rows * sizes.motion)
     return row(label, 1e6 * seconds, "us", wanted, f"one core, in contact {100 * share:.0f} % of the steps")
@@ -100,7 +92,15 @@ def slowest_steps(sizes: Sizes) -> list[Row]:
 
 
 def escape_fields(sizes: Sizes, resolution: int = 100) -> list[Row]:
-    """The grid solvers on one core, speed map included, and scikit-fmm on the same grid without it."""
+    """The grid solvers on one core, speed map included, and scikit-fmm on the same grid without it.
+
+    Args:
+        sizes: how much is measured.
+        resolution: nodes a side.
+
+    Returns:
+        Lines of the table.
+    """
     rng = np.random.default_rng(0)
     q = rng.uniform(-2.6, 2.6, (sizes.fields, 4))
     points = np.tile([[[0.35, 0.1]]], (sizes.fields, 1, 1))
@@ -111,7 +111,7 @@ def escape_fields(sizes: Sizes, resolution: int = 100) -> list[Row]:
         rows.append(row(f"field, {method}", 1e3 * seconds[method], "ms", "", f"one core, {resolution} x {resolution}"))
     reference = _scikit_fmm(q, resolution, sizes.repeats)
     if reference is None:
-        note = f"needs scikit-fmm: {install_command('dev')}"
+        note = f"needs scikit-fmm: {provenance.install_command('dev')}"
         return [*rows, {**row("field, scikit-fmm", np.nan, "ms"), "note": note}]
     rows.append(row("field, scikit-fmm", 1e3 * reference, "ms", "", "second order, speed map not counted"))
     for method, wanted in (("marching", "at least 1.2"), ("sweeping", "at least 3")):

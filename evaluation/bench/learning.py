@@ -11,7 +11,7 @@ import numpy as np
 
 from evaluation.bench.base import Row, Sizes, row
 from evaluation.studies import PUSH
-from piec_envs.errors import MissingDependencyError
+from piec_envs import MissingDependencyError
 from planners.sb3.algorithms import check_installed
 
 PROCESSES = 2

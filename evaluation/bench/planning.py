@@ -7,19 +7,25 @@ from functools import partial
 
 import numpy as np
 
-from evaluation.bench.base import Row, Sizes, make_batch, median_seconds, row
+from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
 from evaluation.studies import PUSH
 from evaluation.studies.franka_push import ENV as FRANKA_PUSH
 from evaluation.studies.franka_push import PLANNER as FRANKA_PLANNER
-from piec_envs.episodes.tasks import MOBILE
-from piec_envs.errors import MissingDependencyError
-from piec_envs.escape.field import choose_field
+from piec_envs import MissingDependencyError, choose_field, get_task
 from planners import CagingProblem, CmaEsConfiguration, CmaEsPlanner, Plan
 from planners.via_points import ViaPointTrajectory
 
 
 def default_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
-    """What users run, `CmaEsPlanner(objective=...).plan(...)` with all its restarts and disturbed rollouts."""
+    """What users run, `CmaEsPlanner(objective=...).plan(...)`, with all restarts and disturbances.
+
+    Args:
+        sizes: how much is measured.
+        progress: whether to show progress bars.
+
+    Returns:
+        Lines of the table.
+    """
     rows = []
     for objective in ("contact", "caging"):
         planner = CmaEsPlanner(objective=objective, **dict(sizes.default))
@@ -37,7 +43,15 @@ ONCE = {"iterations": 1, "population": 2, "restarts": 1, "robust_iterations": 1}
 
 
 def one_search(sizes: Sizes, progress: bool = False) -> list[Row]:
-    """One search with two objectives, and what evaluating the field on every k-th step does to its costs."""
+    """One search with two objectives, and what a field on every k-th step alone does to its costs.
+
+    Args:
+        sizes: how much is measured.
+        progress: whether to show progress bars.
+
+    Returns:
+        Lines of the table.
+    """
     rows, plans = [], {}
     chosen = dict(sizes.planner)
     for objective, wanted in (("contact", "at most 10"), ("caging", "at most 15")):
@@ -56,11 +70,19 @@ def one_search(sizes: Sizes, progress: bool = False) -> list[Row]:
 
 
 def franka_plan(sizes: Sizes, progress: bool = False) -> list[Row]:
-    """One search for a caging plan on the mobile Franka, with the budget of the study `franka-push`."""
+    """One search for a caging plan on the mobile Franka, with the budget of its study.
+
+    Args:
+        sizes: how much is measured.
+        progress: whether to show progress bars.
+
+    Returns:
+        One line of the table, without a result where the package with the meshes is missing.
+    """
     planner = CmaEsPlanner(**{**FRANKA_PLANNER, **dict(sizes.planner)})
     label, wanted = "one search, mobile Franka, caging", "at most 60"
     try:
-        choose_field("table", MOBILE.robot)  # solved, or read from the cache, before the clock
+        choose_field("table", get_task("mobile_franka_push").robot)  # solved, or read from the cache, before the clock
         begin = time.perf_counter()
         planner.plan(FRANKA_PUSH, seed=0, progress=progress)
     except MissingDependencyError as error:
@@ -85,6 +107,9 @@ def rank_correlation(plan: Plan, k: int, count: int) -> float:
         plan: with objective "caging".
         k: steps between two evaluations of the field.
         count: plans drawn around this one, from 0.02 to 0.3 rad away at each via point.
+
+    Returns:
+        Spearman's rank correlation, in [-1, 1].
     """
     from scipy.stats import spearmanr
 
@@ -92,9 +117,10 @@ def rank_correlation(plan: Plan, k: int, count: int) -> float:
     shift = spread * np.random.default_rng(0).standard_normal((count, *plan.via_points.shape))
     costs = []
     for every in (k, 1):
-        batch = make_batch(**{**plan.env_kwargs, "escape_every": every})
-        lower, upper = batch.robot.joint_array("lower"), batch.robot.joint_array("upper")
+        model, start = make_started(**{**plan.env_kwargs, "escape_every": every})
+        robot = model.robot
+        lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
         via = np.clip(plan.via_points + shift, lower, upper)
-        path = ViaPointTrajectory(len(plan.via_points), plan.horizon).path(batch.robot.home, via)
-        costs.append(batch.rollout(batch.state, np.clip(path, lower, upper), absolute=True).cost)
+        path = ViaPointTrajectory(len(plan.via_points), plan.horizon).path(robot.home, via)
+        costs.append(model.rollout(start, np.clip(path, lower, upper), absolute=True).cost)
     return float(spearmanr(costs[0], costs[1]).statistic)

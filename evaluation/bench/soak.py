@@ -21,18 +21,19 @@ from tqdm import tqdm
 
 from evaluation.records import to_json
 from evaluation.tables import markdown, write_atomic
-from piec_envs.console import no_bar
-from piec_envs.dynamics.table import DYNAMICS
-from piec_envs.episodes.start import ALLOWED_PENETRATION
-from piec_envs.errors import MissingDependencyError
-from piec_envs.geometry.distance import scene_distances
-from piec_envs.parallel import available_threads
-from piec_envs.registration import ENVS, MOTIONS
-from piec_envs.sources import source
-from piec_envs.versions import versions
-from piec_envs.world.objects import OBJECTS
-from piec_envs.world.robots import Robot
-from piec_envs.world.scene import pack_scene
+from piec_envs import (
+    ALLOWED_PENETRATION,
+    DYNAMICS,
+    ENVS,
+    MOTIONS,
+    OBJECTS,
+    MissingDependencyError,
+    Robot,
+    available_threads,
+    console,
+    object_distances,
+    provenance,
+)
 
 SHARES = {"mujoco": 0.03, "static": 0.0005}  # of the steps; the quasi-dynamic model has the rest
 ROWS = {"quasi_dynamic": 256, "mujoco": 32, "static": 8}
@@ -80,7 +81,16 @@ def make_cells(steps: int) -> list[Cell]:
 
 
 def run_cell(cell: Cell, seed: int) -> dict[str, Any]:
-    """Step one cell with random actions; returns its counts and worst figures."""
+    """Step one cell with random actions.
+
+    Args:
+        cell: what is stepped.
+        seed: of all randomness.
+
+    Returns:
+        The cell, its counts by COUNTS, its worst penetrations, m, its seconds, and the memory of
+        this process, MB.
+    """
     moving = cell.dynamics != "static"
     rows = min(ROWS[cell.dynamics], cell.steps)
     found = dict.fromkeys(COUNTS, 0)
@@ -95,7 +105,7 @@ def run_cell(cell: Cell, seed: int) -> dict[str, Any]:
         observation, reward, _, truncated, info = envs.step(action)
         depth = _penetration(info, rows)
         if moving:
-            fresh = envs.unwrapped.batch.state.step == 0
+            fresh = envs.unwrapped.get_state().step == 0
             overlap = np.where(fresh, depth, overlap)
             clear = ~fresh & (overlap <= ALLOWED_PENETRATION)
             worst["penetration"] = max(worst["penetration"], float(depth[clear].max(initial=0.0)))
@@ -118,8 +128,8 @@ def _make_envs(cell: Cell, rows: int, rng: np.random.Generator) -> Any:
         return _make(cell, rows, kwargs)
     kwargs |= {"dynamics": cell.dynamics, "preset": cell.preset, "randomize": PLANT}
     kwargs |= {"start_noise": (0.01, 0.05), "escape_field": None, "prior": "contact"}
-    batch = _make(cell, rows, kwargs).unwrapped.batch
-    return _make(cell, rows, {**kwargs, "start": _beside(batch.robot, cell.object, batch.task.start, rng)})
+    model = _make(cell, rows, kwargs).unwrapped.model
+    return _make(cell, rows, {**kwargs, "start": _beside(model.robot, cell.object, model.task.start, rng)})
 
 
 def _make(cell: Cell, rows: int, kwargs: dict[str, Any]) -> Any:
@@ -131,16 +141,14 @@ def _make(cell: Cell, rows: int, kwargs: dict[str, Any]) -> Any:
 
 def _beside(robot: Robot, object_name: str, pose: np.ndarray, rng: np.random.Generator) -> list[float]:
     """A random posture in which the arm is near the object and clear of it."""
-    scene = pack_scene(robot.name, object_name)
-    distances = np.empty(scene.links)
     low = robot.joint_array("lower").copy()
     high = robot.joint_array("upper").copy()
     low[: robot.base_dof] = pose[: robot.base_dof] - ROAM
     high[: robot.base_dof] = pose[: robot.base_dof] + ROAM
     while True:
         q = rng.uniform(low, high)
-        scene_distances(scene, q, pose, distances)
-        if NEAR[0] < distances.min() < NEAR[1]:
+        nearest = object_distances(robot.name, object_name, q, pose).min()
+        if NEAR[0] < nearest < NEAR[1]:
             return q.tolist()
 
 
@@ -171,7 +179,7 @@ def run_soak(steps: int, out: Path, seed: int = 0, progress: bool = True) -> dic
     """
     cells = make_cells(steps)
     done = _recorded(out, steps, seed)
-    for number, cell in enumerate(tqdm(cells, disable=no_bar(progress), desc="soak")):
+    for number, cell in enumerate(tqdm(cells, disable=console.no_bar(progress), desc="soak")):
         if number < len(done):
             continue
         done.append({**run_cell(cell, seed + number), "process": os.getpid()})
@@ -184,13 +192,21 @@ def _recorded(out: Path, steps: int, seed: int) -> list[dict[str, Any]]:
     if not out.is_file():
         return []
     record = json.loads(out.read_text())
-    wanted = {"steps": steps, "seed": seed, "versions": versions(), "source": source()}
+    wanted = {"steps": steps, "seed": seed, "versions": provenance.versions(), "source": provenance.source()}
     same = all(record.get(name) == to_json(value) for name, value in wanted.items())
     return record["rows"] if same and not record["summary"]["complete"] else []
 
 
 def summarise(rows: list[dict[str, Any]], steps: int) -> dict[str, Any]:
-    """Totals, worst figures, and the memory of the last process midway and at its end, MB."""
+    """Totals and worst figures of a run.
+
+    Args:
+        rows: from `run_cell`, each with its process.
+        steps: asked for, of all cells together.
+
+    Returns:
+        The figures by name, with the memory of the last row's process midway and at its end, MB.
+    """
     totals = {name: sum(row[name] for row in rows) for name in COUNTS}
     depths = {
         f"penetration, {kind}": max((row["penetration"] for row in rows if row["dynamics"] == kind), default=0.0)
@@ -208,10 +224,20 @@ def summarise(rows: list[dict[str, Any]], steps: int) -> dict[str, Any]:
 
 
 def write_record(rows: list[dict[str, Any]], steps: int, seed: int, out: Path) -> dict[str, Any]:
-    """Write the record and its table; returns it."""
+    """Write the record of a run and its table.
+
+    Args:
+        rows: from `run_cell`, each with its process.
+        steps: asked for, of all cells together.
+        seed: of the run.
+        out: the record's JSON file; the table stands beside it as .md.
+
+    Returns:
+        The record.
+    """
     machine = {"cores": available_threads(), "system": platform.system(), "architecture": platform.machine()}
     summary = summarise(rows, steps)
-    made_by = {"machine": machine, "versions": versions(), "source": source()}
+    made_by = {"machine": machine, "versions": provenance.versions(), "source": provenance.source()}
     record = {"rows": rows, "summary": summary, "steps": steps, "seed": seed, **made_by}
     write_atomic(out, json.dumps(to_json(record), indent=1, allow_nan=False) + "\n")
     table = markdown([{"figure": name, "value": value} for name, value in summary.items()])

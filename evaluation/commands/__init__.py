@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.engines import ENGINES, open_engine
-from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs import InvalidParameterError, check_name
 
 
 class Interrupted(KeyboardInterrupt):

@@ -53,7 +53,7 @@ def _soak(steps: int, out: Path) -> Report:
     """Run the soak, or what its record lacks."""
     from evaluation.bench.soak import run_soak
     from evaluation.tables import markdown
-    from piec_envs.errors import as_count
+    from piec_envs import as_count
 
     record = run_soak(as_count("--soak", steps), out)
     table = markdown([{"figure": name, "value": value} for name, value in record["summary"].items()])

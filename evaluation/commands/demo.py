@@ -11,7 +11,7 @@ from typing import Any
 
 from evaluation.commands import Report
 from evaluation.commands.stages import Stages
-from piec_envs.console import quiet
+from piec_envs import console
 
 NOTE = """\
 Open-loop plans of three objectives, same task and same budget, while the object is displaced in every
@@ -67,12 +67,14 @@ def run(args: argparse.Namespace) -> Report:
     from evaluation.tables import markdown, write_table
 
     budget = Budget.smoke() if args.smoke else Budget()
-    study = StudyRun(args.out, (args.seed,), budget.episodes, progress=not quiet(), cache=args.out)
+    study = StudyRun(args.out, (args.seed,), budget.episodes, progress=not console.quiet(), cache=args.out)
     cases = mode_cases(budget.objectives, budget.planner, {})
     plannings = [f"planning for {case.label}" for case in cases]
     steps = f"executing each plan {budget.episodes} times", "drawing the picture", "drawing the animation"
     expected = [*[budget.seconds[0]] * len(cases), *budget.seconds[1:]]
-    stages = Stages(dict(zip([*plannings, *steps], expected, strict=True)), quiet(), partial(_recorded, args.out))
+    stages = Stages(
+        dict(zip([*plannings, *steps], expected, strict=True)), console.quiet(), partial(_recorded, args.out)
+    )
     for case, planning in zip(cases, plannings, strict=True):
         with stages.stage(planning, recorded=True):
             study.plan([case])

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.commands.outputs import RECORDS, field_out, train_out
-from piec_envs.errors import PiecError
+from piec_envs import PiecError
 
 NOTHING = "nothing is kept"
 GO_ON = "the same command goes on from there"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from evaluation.commands import Report
 
 if TYPE_CHECKING:
-    from piec_envs.world.objects import Object
+    from piec_envs import Object
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,22 +31,15 @@ def _tables() -> dict[str, dict[str, str]]:
     from evaluation.engines import ENGINES
     from evaluation.protocols import PROTOCOLS
     from evaluation.studies import STUDIES
-    from piec_envs.dynamics.quasi_dynamic import SOLVERS
-    from piec_envs.dynamics.table import DYNAMICS
-    from piec_envs.episodes.tasks import PRESETS, PRIORS
-    from piec_envs.escape.field import FIELDS
-    from piec_envs.escape.training import RECIPES
-    from piec_envs.registration import ENVS
-    from piec_envs.world.objects import OBJECTS
-    from piec_envs.world.robots import ROBOTS
+    from piec_envs import DYNAMICS, ENVS, FIELDS, OBJECTS, PRESETS, PRIORS, RECIPES, ROBOTS, SOLVERS
     from planners.objectives import OBJECTIVES
     from planners.sb3.algorithms import ALGORITHMS
 
     return {
-        "environments": {name: _summary(entry.entry_point) for name, entry in ENVS.items()},
+        "environments": {name: entry.summary for name, entry in ENVS.items()},
         "robots": {name: _robot(name) for name in ROBOTS},
         "objects": {name: _object_line(item) for name, item in OBJECTS.items()},
-        "dynamics": {name: _first_line(make) for name, make in DYNAMICS.items()},
+        "dynamics": {name: row.summary for name, row in DYNAMICS.items()},
         "solvers": dict.fromkeys(SOLVERS, ""),
         "escape fields": {name: _field(name, kind) for name, kind in FIELDS.items()},
         "recipes of train-field": {name: row.description for name, row in RECIPES.items()},
@@ -69,22 +62,18 @@ def _object_line(item: Object) -> str:
 
 def _robot(name: str) -> str:
     """Joints, and where the shapes come from, as far as that is installed."""
-    from piec_envs.errors import MissingDependencyError
-    from piec_envs.versions import install_command
-    from piec_envs.world.robots import get_robot
+    from piec_envs import MissingDependencyError, get_robot, provenance
 
     try:
         robot = get_robot(name)
     except MissingDependencyError as error:
-        return f"needs the extra {error.extra!r}: {install_command(error.extra)}"
+        return f"needs the extra {error.extra!r}: {provenance.install_command(error.extra)}"
     return f"{robot.dof} joints, geometry: {robot.geometry_source}"
 
 
 def _field(name: str, kind: Any) -> str:
     """What the field is; of a trained one, how, and for which robots its weights ship."""
-    from piec_envs.escape.training import RECIPES
-    from piec_envs.escape.weights import has_weights
-    from piec_envs.world.robots import ROBOTS
+    from piec_envs import RECIPES, ROBOTS, has_weights
 
     summary = _first_line(getattr(kind, "func", kind))
     if name not in RECIPES:
@@ -95,11 +84,3 @@ def _field(name: str, kind: Any) -> str:
 
 def _first_line(item: Any) -> str:
     return (item.__doc__ or "").strip().partition("\n")[0]
-
-
-def _summary(entry_point: str) -> str:
-    """First line of the docstring of an env, named `module:class`."""
-    from importlib import import_module
-
-    module, _, name = entry_point.partition(":")
-    return _first_line(getattr(import_module(module), name))

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from piec_envs.errors import InvalidParameterError, PiecError
+from piec_envs import InvalidParameterError, PiecError
 
 RECORDS = "records.jsonl"
 TABLES = ("table.md", "table.csv")
@@ -135,7 +135,7 @@ def _train_field(args: argparse.Namespace) -> None:
 
 
 def _is_field(path: Path) -> bool:
-    from piec_envs.escape.weights import FieldWeights
+    from piec_envs import FieldWeights
 
     return bool(FieldWeights.load(path))
 

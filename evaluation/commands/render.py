@@ -11,10 +11,7 @@ from typing import Any
 from evaluation.commands import Report, settings
 from evaluation.commands.sources import add_plant_arguments, load_sources
 from evaluation.studies import PUSH
-from piec_envs.console import no_bar
-from piec_envs.errors import InvalidParameterError, check_name
-from piec_envs.files import why_unreadable
-from piec_envs.registration import ENVS
+from piec_envs import ENVS, InvalidParameterError, check_name, console, files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +59,7 @@ def _state(text: str) -> dict[str, Any]:
         path = Path(text)
         value = json.loads(text if text.lstrip().startswith("{") else path.read_text(encoding="utf-8"))
     except (ValueError, OSError) as error:
-        why = why_unreadable(text, "JSON object", error) if isinstance(error, OSError) else error
+        why = files.why_unreadable(text, "JSON object", error) if isinstance(error, OSError) else error
         raise InvalidParameterError(f"--state takes a JSON object or a file with one, got {text!r}: {why}") from error
     if not isinstance(value, dict):
         raise InvalidParameterError(f"--state takes a JSON object, got {value!r}")
@@ -103,7 +100,7 @@ def _frames(
     observation, info = env.reset(seed=args.seed)
     every = max(1, made.horizon // args.frames)
     yield env.render()
-    for step in trange(1, made.horizon + 1, desc="drawing", unit="step", leave=False, disable=no_bar()):
+    for step in trange(1, made.horizon + 1, desc="drawing", unit="step", leave=False, disable=console.no_bar()):
         action, held = policy.predict(observation, state=held)
         observation, _, _, _, info = env.step(action)
         if step % every == 0 or step == made.horizon:

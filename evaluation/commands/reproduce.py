@@ -93,12 +93,12 @@ def _account(name: str, ledger: Any, base: dict[str, Any], folder: Path) -> tupl
     """Where the results come from, and how they compare with the committed ones."""
     from evaluation.comparison import compare, comparison_table, summary, write_comparison
     from evaluation.reuse import origins
-    from piec_envs.sources import source
+    from piec_envs import provenance
 
     counts = {kind: len(getattr(ledger, kind)) for kind in ("taken", "earlier", "done")}
     total = sum(counts.values())
     lines = []
-    head = (source()["commit"] or "")[:10]
+    head = (provenance.source()["commit"] or "")[:10]
     words = {
         "taken": f"from committed records{f' of commit {head}' if head else ''}",
         "earlier": "from records of an earlier run",

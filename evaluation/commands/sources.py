@@ -82,6 +82,9 @@ def plants_text(sources: Sequence[Source], plants: Sequence[Mapping[str, Mapping
     Args:
         sources: the files.
         plants: for each, from the protocol to what `plant_in_force` found.
+
+    Returns:
+        Markdown, one paragraph and list for each plant.
     """
     together: dict[tuple[str, ...], list[str]] = {}
     for source, by_protocol in zip(sources, plants, strict=True):

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from piec_envs.parallel import available_threads
+from piec_envs import available_threads
 
 REFERENCE_CORES = 2  # the cores that expected times hold for
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from evaluation.commands import Report, settings
 from evaluation.commands.outputs import train_out
-from piec_envs.errors import as_count
+from piec_envs import as_count
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

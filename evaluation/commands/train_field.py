@@ -10,7 +10,7 @@ from typing import Any
 
 from evaluation.commands import Report, fit_settings, settings
 from evaluation.commands.outputs import field_out
-from piec_envs.errors import as_count
+from piec_envs import as_count
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Report:
     """Train, or go on from the checkpoint beside the file to write."""
-    from piec_envs.escape.training import get_recipe, train_field
-    from piec_envs.world.robots import get_robot
+    from piec_envs import get_recipe, get_robot, train_field
 
     get_robot(args.robot)
     recipe = get_recipe(args.recipe)

@@ -11,18 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import LOOK, Trajectory, bounds, mix, mode_of, show_scene
-from piec_envs.errors import InvalidParameterError, MissingDependencyError
-from piec_envs.rendering.drawing import (
-    INK,
-    OBJECT,
-    PALE,
-    base_position,
-    draw_goal,
-    link_outlines,
-    robot_frames,
-    scenery_outlines,
-)
-from piec_envs.rendering.frame import pixels
+from piec_envs import InvalidParameterError, MissingDependencyError, rendering, robot_frames
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,7 +91,15 @@ def animate_rollouts(
 
 
 def rollout_frames(plans: Sequence[Trajectory], every: int) -> Iterator[np.ndarray]:
-    """The frames of `animate_rollouts`, shape (height, WIDTH, 3), uint8; the last one stands for a while."""
+    """The frames of `animate_rollouts`; the last one stands for a while.
+
+    Args:
+        plans: executions with disturbed ones, of equal length.
+        every: steps between two frames.
+
+    Yields:
+        Pictures, shape (height, WIDTH, 3), uint8.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -122,7 +119,7 @@ def rollout_frames(plans: Sequence[Trajectory], every: int) -> Iterator[np.ndarr
             for panel in panels:
                 panel.show(step)
             clock.set_text(f"{plans[0].period * step:.0f} s")
-            frame = pixels(figure)
+            frame = rendering.pixels(figure)
             yield frame
         yield from [frame] * LAST
 
@@ -145,22 +142,24 @@ class _Panel:
         self.plan = plan
         self.outlines = [shape.outline(6) for shape in plan.object.shapes]
         self.turning = [j + 1 for j, joint in enumerate(plan.robot.joints) if joint.axis[2] != 0]
-        self.cloud = PolyCollection([], facecolor=to_rgba(OBJECT, 0.12), edgecolor=mix(OBJECT, "black", 0.35), lw=0.4)
-        self.links = PolyCollection([], facecolor=face, edgecolor=INK, lw=0.8)
+        self.cloud = PolyCollection(
+            [], facecolor=to_rgba(rendering.OBJECT, 0.12), edgecolor=mix(rendering.OBJECT, "black", 0.35), lw=0.4
+        )
+        self.links = PolyCollection([], facecolor=face, edgecolor=rendering.INK, lw=0.8)
         # Mixed with white instead of transparent: overlapping parts stay even.
         pale: dict[str, Any] = {
-            "facecolor": mix("white", mode.colour, 0.3 * PALE),
-            "edgecolor": mix("white", INK, PALE),
+            "facecolor": mix("white", mode.colour, 0.3 * rendering.PALE),
+            "edgecolor": mix("white", rendering.INK, rendering.PALE),
         }
         self.scenery = PolyCollection([], lw=0.8, **pale)
         for order, item in enumerate((self.scenery, self.cloud, self.links)):
             ax.add_collection(item, autolim=False)
             item.set_zorder(2 + order)
         top = 6.0 if plan.robot.whole_name == plan.robot.name else 2.5  # pale parts lie below the object
-        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=INK, linewidths=0.7, zorder=top)
-        self.base = ax.scatter([], [], s=34, color=INK, zorder=top)
-        self.ends = ax.scatter([], [], s=4, color=INK, linewidths=0, alpha=0.7, zorder=7)
-        draw_goal(ax, plan.goal, linewidth=1.6)
+        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=rendering.INK, linewidths=0.7, zorder=top)
+        self.base = ax.scatter([], [], s=34, color=rendering.INK, zorder=top)
+        self.ends = ax.scatter([], [], s=4, color=rendering.INK, linewidths=0, alpha=0.7, zorder=7)
+        rendering.draw_goal(ax, plan.goal, linewidth=1.6)
         place: dict[str, Any] = {"x": 0.03, "va": "bottom", "transform": ax.transAxes}
         ax.text(y=1.06, s=mode.label, color=mix(mode.colour, "black", 0.2), fontweight="bold", fontsize=9.5, **place)
         self.note = ax.text(y=0.985, s="", fontsize=8.5, **place)
@@ -170,11 +169,11 @@ class _Panel:
         """Move everything to a step."""
         plan, q = self.plan, self.plan.q_r[step]
         poses = plan.pose[None, step] if plan.disturbed is None else plan.disturbed[:, step]  # (M, 3)
-        self.links.set_verts([outline for link in link_outlines(plan.robot, q) for outline in link])
-        self.scenery.set_verts(scenery_outlines(plan.robot, q))
+        self.links.set_verts([outline for link in rendering.link_outlines(plan.robot, q) for outline in link])
+        self.scenery.set_verts(rendering.scenery_outlines(plan.robot, q))
         if plan.robot.base_dof:
-            self.base.set_offsets(base_position(plan.robot, q))
-        self.joints.set_offsets(robot_frames(plan.robot, q)[self.turning, :2])
+            self.base.set_offsets(rendering.base_position(plan.robot, q))
+        self.joints.set_offsets(robot_frames(plan.robot.name, q)[self.turning, :2])
         self.cloud.set_verts([outline for shape in self.outlines for outline in _placed(shape, poses)])
         self.ends.set_offsets(poses[:, :2])
         self.note.set_text(f"{plan.inside[:, step].sum()} of {len(poses)} in the goal")

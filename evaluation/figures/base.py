@@ -12,12 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.tables import write_atomic
-from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.episodes.tasks import GOAL_RADIUS
-from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.rendering.drawing import INK, arm_outlines
-from piec_envs.world.objects import Object, get_object
-from piec_envs.world.robots import Robot, get_robot
+from piec_envs import CAGING_SCALE, CONTROL_PERIOD, GOAL_RADIUS, Object, Robot, get_object, get_robot, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +32,7 @@ LOOK: Any = {
     "axes.titlesize": 10.0,
     "axes.labelsize": 9.0,
     "axes.edgecolor": "#5b6170",
-    "axes.labelcolor": INK,
+    "axes.labelcolor": rendering.INK,
     "axes.linewidth": 0.8,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -50,7 +45,7 @@ LOOK: Any = {
     "ytick.color": "#5b6170",
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
-    "text.color": INK,
+    "text.color": rendering.INK,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
 }
@@ -88,6 +83,9 @@ def mode_of(name: str, among: Sequence[str] = ()) -> Mode:
     Args:
         name: of the mode.
         among: all names of the figure, so that two strangers differ in colour.
+
+    Returns:
+        Label and colour.
     """
     if name in MODES:
         return MODES[name]
@@ -157,7 +155,15 @@ class Trajectory:
 
 @contextmanager
 def figure_file(path: str | os.PathLike, width: float, height: float) -> Iterator[Figure]:
-    """A figure of this size in inches, drawn and written as PNG when the block ends."""
+    """A figure, drawn and written as PNG when the block ends.
+
+    Args:
+        path: where to write.
+        width, height: of the figure, inches.
+
+    Yields:
+        The figure, empty.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -188,7 +194,7 @@ def bounds(trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], 
     for trajectory, steps in zip(trajectories, frames, strict=True):
         reach = trajectory.object.bounding_radius
         for step in steps:
-            points += arm_outlines(trajectory.robot, trajectory.q_r[step])
+            points += rendering.arm_outlines(trajectory.robot, trajectory.q_r[step])
         for path in (trajectory.pose, trajectory.pose if trajectory.disturbed is None else trajectory.disturbed):
             points += [path[..., :2].reshape(-1, 2) + shift for shift in (-reach, reach)]
         points += [] if trajectory.reference is None else [trajectory.reference]
@@ -197,7 +203,7 @@ def bounds(trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], 
     return np.stack([cloud.min(axis=0) - margin, cloud.max(axis=0) + margin], axis=1)
 
 
-def panel_title(ax: Axes, name: str, note: str, colour: Any = INK) -> None:
+def panel_title(ax: Axes, name: str, note: str, colour: Any = rendering.INK) -> None:
     """Two lines above a panel, so that they do not run into those of its neighbours.
 
     Args:
@@ -213,7 +219,12 @@ def panel_title(ax: Axes, name: str, note: str, colour: Any = INK) -> None:
 
 
 def show_scene(ax: Axes, box: np.ndarray) -> None:
-    """Turn an axis into a window on the plane: no frame, equal scales, this box ((x, x), (y, y))."""
+    """Turn an axis into a window on the plane, without frame and with equal scales.
+
+    Args:
+        ax: which.
+        box: least and largest x, then y, shape (2, 2), m.
+    """
     ax.set_axis_off()
     ax.set_aspect("equal", anchor="N")  # at the top of its place, so that the layout knows where titles end
     ax.set_xlim(*box[0])
@@ -241,7 +252,15 @@ def colour_bar(
 
 
 def mix(colour: str, other: str, share: float) -> tuple[float, float, float]:
-    """A colour that is `share` of `other` and the rest of `colour`."""
+    """A colour between two.
+
+    Args:
+        colour, other: as Matplotlib takes them.
+        share: of `other`, in [0, 1].
+
+    Returns:
+        Red, green and blue, in [0, 1].
+    """
     from matplotlib.colors import to_rgb
 
     r, g, b = ((1 - share) * x + share * y for x, y in zip(to_rgb(colour), to_rgb(other), strict=True))

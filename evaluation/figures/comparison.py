@@ -12,12 +12,7 @@ import numpy as np
 
 from evaluation.figures.base import CAGING, colour_bar, figure_file, show_scene
 from evaluation.figures.fields import NEAR, ROW, SIDE, note, panels, view
-from piec_envs.escape.base import BatchedField
-from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.rendering.drawing import INK, OBJECT, draw_escape_path, draw_robot, rim
-from piec_envs.rendering.escape import Escape, draw_escape, enclosed_points, in_wall, wall_depth, way_handles
-from piec_envs.rendering.field import FIELD_TOP, FieldStyle, draw_field, field_top
-from piec_envs.world.robots import get_robot
+from piec_envs import CAGING_SCALE, BatchedField, get_robot, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +42,7 @@ def field_comparison(
         The path.
     """
     solved = [_solve_row(list(fields.values()), q, point) for q, point in zip(configurations, points, strict=True)]
-    top = field_top(escape.caging for row in solved for escape in row)
+    top = rendering.field_top(escape.caging for row in solved for escape in row)
     with figure_file(path, SIDE * len(fields) + 0.7, ROW * len(configurations) + 0.65) as figure:
         axes = panels(figure, configurations, fields)
         for row, escapes, q, point in zip(axes, solved, configurations, points, strict=True):
@@ -60,7 +55,7 @@ def field_comparison(
     return Path(path)
 
 
-def _solve_row(fields: Sequence[BatchedField], q: np.ndarray, point: np.ndarray) -> list[Escape]:
+def _solve_row(fields: Sequence[BatchedField], q: np.ndarray, point: np.ndarray) -> list[rendering.Escape]:
     """How a point gets out of a posture by each of the fields; the first, the exact one, says whether it does.
 
     A point that lies in the wall itself is judged where that way first leaves it.
@@ -69,20 +64,20 @@ def _solve_row(fields: Sequence[BatchedField], q: np.ndarray, point: np.ndarray)
     for field in fields:
         way = field.escape_path(point, q)
         caging = CAGING_SCALE * float(field.query(np.reshape(point, (1, 2)), q)[0])
-        escapes.append(Escape(field.solve(q), way, in_wall(field, way, q), False, caging))
+        escapes.append(rendering.Escape(field.solve(q), way, rendering.in_wall(field, way, q), False, caging))
     way = escapes[0].way
-    outside = way[[int(np.argmax(wall_depth(exact, way, q) < 0))]]  # (1, 2)
-    held = bool(enclosed_points(exact.robot_name, outside, q, exact.speed)[0])
+    outside = way[[int(np.argmax(rendering.wall_depth(exact, way, q) < 0))]]  # (1, 2)
+    held = bool(rendering.enclosed_points(exact.robot_name, outside, q, exact.speed)[0])
     return [replace(escape, enclosed=held) for escape in escapes]
 
 
-def _way_legend(figure: Figure, escapes: Sequence[Escape], several: bool) -> None:
+def _way_legend(figure: Figure, escapes: Sequence[rendering.Escape], several: bool) -> None:
     """What the ways and the star mean."""
     from matplotlib.lines import Line2D
 
-    star = Line2D([], [], marker="*", ms=10, mfc=OBJECT, mec=INK, mew=0.8, lw=0, label="the point")
-    band = [Line2D([], [], path_effects=rim(3.6), **{**EXACT_WAY, "alpha": 1.0}, label="by the exact field")]
-    handles = [star, *way_handles(escapes), *(band if several else [])]
+    star = Line2D([], [], marker="*", ms=10, mfc=rendering.OBJECT, mec=rendering.INK, mew=0.8, lw=0, label="the point")
+    band = [Line2D([], [], path_effects=rendering.rim(3.6), **{**EXACT_WAY, "alpha": 1.0}, label="by the exact field")]
+    handles = [star, *rendering.way_handles(escapes), *(band if several else [])]
     columns = len(handles) if several else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6)
 
@@ -92,8 +87,8 @@ def draw_comparison(
     field: BatchedField,
     q: np.ndarray,
     point: np.ndarray,
-    escape: Escape,
-    top: float = FIELD_TOP,
+    escape: rendering.Escape,
+    top: float = rendering.FIELD_TOP,
     exact_way: np.ndarray | None = None,
 ) -> AxesImage:
     """Draw a field with its fastest way out of a point, and the exact one beneath as a pale band.
@@ -111,11 +106,13 @@ def draw_comparison(
         The heat map, for a colour bar.
     """
     robot = get_robot(field.robot_name)
-    image = draw_field(ax, robot, q, escape.field_map, FieldStyle(field.speed, labels=False, line=0.6, top=top))
-    draw_robot(ax, robot, q, linewidth=0.7)
-    draw_escape(ax, escape, linewidth=1.6)
+    image = rendering.draw_field(
+        ax, robot, q, escape.field_map, rendering.FieldStyle(field.speed, labels=False, line=0.6, top=top)
+    )
+    rendering.draw_robot(ax, robot, q, linewidth=0.7)
+    rendering.draw_escape(ax, escape, linewidth=1.6)
     if exact_way is not None:
-        draw_escape_path(ax, exact_way, **EXACT_WAY)
-    ax.plot(*point, marker="*", ms=11, mfc=OBJECT, mec=INK, mew=0.8, zorder=9)
+        rendering.draw_escape_path(ax, exact_way, **EXACT_WAY)
+    ax.plot(*point, marker="*", ms=11, mfc=rendering.OBJECT, mec=rendering.INK, mew=0.8, zorder=9)
     note(ax, f"caging {escape.caging:.3f}{', enclosed' if escape.enclosed else ''}")
     return image

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import Mode, figure_file, mix, mode_of
-from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.episodes.tasks import GOAL_RADIUS
-from piec_envs.rendering.drawing import GOAL, INK
+from piec_envs import CONTROL_PERIOD, GOAL_RADIUS, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,7 +126,7 @@ def _bundle(ax: Axes, rows: np.ndarray, colour: str, period: float) -> None:
     lines = np.stack([np.broadcast_to(time, rows.shape), rows], axis=-1)  # (M, m, 2)
     ax.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.4, alpha=0.35, zorder=2))
     ax.plot(time, rows.mean(axis=0), color=mix(colour, "black", 0.35), lw=1.8, zorder=3)
-    ax.axhline(GOAL_RADIUS, color=GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=4)
+    ax.axhline(GOAL_RADIUS, color=rendering.GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=4)
     ax.set_xlim(0, time[-1])
 
 
@@ -153,7 +151,7 @@ def final_distances(final: Samples, path: str | os.PathLike) -> Path:
                     where = k + (rank - (len(final) - 1) / 2) * width
                     _box(ax, where, np.asarray(row[plant]), 0.8 * width, mode.colour)
             ax.plot([], [], color=mode.colour, lw=6, alpha=0.5, label=mode.label)
-        ax.axhline(GOAL_RADIUS, color=GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1, label="goal radius")
+        ax.axhline(GOAL_RADIUS, color=rendering.GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1, label="goal radius")
         ax.set_xticks(range(len(plants)), [plant if isinstance(plant, str) else _sigma(plant) for plant in plants])
         ax.tick_params(axis="x", length=0)
         ax.set_xlim(-0.5, len(plants) - 0.5)
@@ -178,7 +176,7 @@ def _box(ax: Axes, where: float, values: np.ndarray, width: float, colour: str) 
         boxprops={"facecolor": (*mix(colour, "white", 0.4), 0.35), "edgecolor": colour, "linewidth": 1.0},
         whiskerprops={"color": colour, "linewidth": 1.0},
         capprops={"color": colour, "linewidth": 1.0},
-        medianprops={"color": INK, "linewidth": 1.4},
+        medianprops={"color": rendering.INK, "linewidth": 1.4},
         zorder=3,
     )
 

@@ -12,20 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import colour_bar, figure_file, show_scene
-from piec_envs.escape.base import BatchedField, draw_map
-from piec_envs.rendering.drawing import (
-    base_position,
-    draw_robot,
-    draw_workspace,
-    link_outlines,
-)
-from piec_envs.rendering.field import (
-    WALL,
-    carried_into_wall,
-    draw_nodes,
-    draw_wall,
-)
-from piec_envs.world.robots import Robot, get_robot
+from piec_envs import BatchedField, Robot, get_robot, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,9 +56,12 @@ class RelativeError:
             field: what is compared with it.
             q: joint positions, shape (n,), rad or m.
             near: half-width of the view around the robot, m; None takes all of the workspace.
+
+        Returns:
+            The error at these nodes, and which of them count.
         """
-        sampled, base = reference.sample(np.asarray(q, dtype=float))
-        x, y, *_ = draw_map(sampled, reference.speed, base)
+        sampled, _ = reference.sample(np.asarray(q, dtype=float))
+        x, y, *_ = reference.solve(q)
         nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)  # (N * N, 2)
         exact, asked = (asked.query(nodes, q).reshape(len(y), len(x)) for asked in (reference, field))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -113,9 +103,9 @@ def view(robot: Robot, q: np.ndarray, near: float | None = None) -> np.ndarray:
         ((x_min, x_max), (y_min, y_max)), m.
     """
     if near is None:
-        centre, half = base_position(robot, q), 1.02 * robot.workspace_radius
+        centre, half = rendering.base_position(robot, q), 1.02 * robot.workspace_radius
     else:
-        corners = np.concatenate([outline for link in link_outlines(robot, q) for outline in link])  # (m, 2)
+        corners = np.concatenate([outline for link in rendering.link_outlines(robot, q) for outline in link])  # (m, 2)
         centre, half = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), near
     return np.stack([centre - half, centre + half], axis=1)
 
@@ -150,21 +140,24 @@ def error_map(
 
 
 def draw_error(ax: Axes, error: RelativeError, reference: BatchedField, q: np.ndarray) -> AxesImage:
-    """Draw a relative error with its median, 95th percentile and maximum; returns the image, for a colour bar.
+    """Draw a relative error with its median, 95th percentile and maximum.
 
     Args:
         ax: where to draw.
         error: of a field.
         reference: what it was compared with.
         q: joint positions, shape (n,), rad or m.
+
+    Returns:
+        The image, for a colour bar.
     """
     robot = get_robot(reference.robot_name)
-    percent = carried_into_wall(error.percent, error.distance <= reference.speed.d0)
+    percent = rendering.carried_into_wall(error.percent, error.distance <= reference.speed.d0)
     scale: dict[str, Any] = {"cmap": _error_colours(), "vmin": -ERROR_LIMIT, "vmax": ERROR_LIMIT}
-    image = draw_nodes(ax, error.x, error.y, np.ma.masked_invalid(percent), **scale)
-    image.set_clip_path(draw_workspace(ax, robot, q))
-    draw_wall(ax, robot, q, reference.speed)
-    draw_robot(ax, robot, q, linewidth=0.7)
+    image = rendering.draw_nodes(ax, error.x, error.y, np.ma.masked_invalid(percent), **scale)
+    image.set_clip_path(rendering.draw_workspace(ax, robot, q))
+    rendering.draw_wall(ax, robot, q, reference.speed)
+    rendering.draw_robot(ax, robot, q, linewidth=0.7)
     values = {"median": error.median, "p95": error.p95, "max": error.largest}
     note(ax, "   ".join(f"{name} {_percent(value)}" for name, value in values.items()))
     return image
@@ -175,11 +168,20 @@ def _error_colours() -> Colormap:
     """Blue where escape times are too short, orange where too long, pale in between."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("error", ERROR_COLOURS).with_extremes(bad=WALL)
+    return LinearSegmentedColormap.from_list("error", ERROR_COLOURS).with_extremes(bad=rendering.WALL)
 
 
 def panels(figure: Figure, rows: Sequence[np.ndarray], labels: Mapping[str, Any]) -> np.ndarray:
-    """Axes, shape (rows, labels), with the labels as titles of the first row."""
+    """A grid of axes, with titles over its first row.
+
+    Args:
+        figure: that gets them.
+        rows: one for each row of the grid.
+        labels: titles, one for each column.
+
+    Returns:
+        Axes, shape (rows, labels).
+    """
     axes: Any = figure.subplots(len(rows), len(labels), squeeze=False)
     for ax, label in zip(axes[0], labels, strict=True):
         ax.set_title(label)
@@ -187,7 +189,12 @@ def panels(figure: Figure, rows: Sequence[np.ndarray], labels: Mapping[str, Any]
 
 
 def note(ax: Axes, text: str) -> None:
-    """A small line under a panel; a blank holds its height, so that its width does not narrow the panel."""
+    """A small line under a panel, which has a height in the layout and no width.
+
+    Args:
+        ax: the panel.
+        text: the line.
+    """
     style: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "top", "fontsize": 7}
     ax.text(0.5, -0.02, " ", **style)
     ax.text(0.5, -0.02, text, **style).set_in_layout(False)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.figures.base import figure_file, mode_of
-from piec_envs.rendering.drawing import INK
+from piec_envs import rendering
 
 CELL = (0.72, 0.27)  # width and height of a cell of the matrix, inches
 MARGINS = (2.1, 1.0)  # for the names of rows and columns, inches
@@ -40,7 +40,9 @@ def success_matrix(
         ax = figure.subplots()
         ax.imshow(rates, cmap=colours, vmin=0, vmax=1, aspect="auto")
         for (i, k), rate in np.ndenumerate(rates):
-            ax.text(k, i, f"{100 * rate:.0f}", ha="center", va="center", color="white" if rate > 0.55 else INK)
+            ax.text(
+                k, i, f"{100 * rate:.0f}", ha="center", va="center", color="white" if rate > 0.55 else rendering.INK
+            )
         for row in groups:
             ax.axhline(row - 0.5, color="white", lw=4)
         ax.set_xticks(range(len(columns)), columns, rotation=35, ha="left", rotation_mode="anchor")

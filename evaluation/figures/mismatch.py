@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import GREY, MEAN, NOMINAL, Trajectory, bounds, figure_file, mix, mode_of, show_scene
-from evaluation.shape_mismatch import shape_mismatch, surface
-from piec_envs.episodes.tasks import GOAL_RADIUS
-from piec_envs.rendering.drawing import GOAL, INK, OBJECT, draw_ghost, draw_goal, draw_object
-from piec_envs.world.objects import Object, get_object
+from evaluation.shape_mismatch import shape_mismatch
+from piec_envs import GOAL_RADIUS, Object, get_object, rendering, trace_surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,9 +104,11 @@ def end_box(pairs: Sequence[tuple[Trajectory, Sequence[Executed]]], margin: floa
 
 def _draw_paths(ax: Axes, plan: Trajectory, runs: Sequence[Executed]) -> None:
     """The arm and the objects at the end, the planned object at the start, and all object paths."""
-    draw_ghost(ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", INK, 0.3), alpha=1.0)
-    draw_object(ax, plan.object, plan.pose[0], alpha=0.35, zorder=2)
-    draw_goal(ax, plan.goal)
+    rendering.draw_ghost(
+        ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", rendering.INK, 0.3), alpha=1.0
+    )
+    rendering.draw_object(ax, plan.object, plan.pose[0], alpha=0.35, zorder=2)
+    rendering.draw_goal(ax, plan.goal)
     ax.plot(plan.pose[:, 0], plan.pose[:, 1], color=mix(NOMINAL, "white", 0.25), lw=3.2, zorder=5)
     ax.plot(*_placed(plan.object, plan.pose[-1]), color=mix(NOMINAL, "white", 0.25), lw=2.4, zorder=6)
     ax.plot(*plan.pose[-1, :2], color=NOMINAL, marker="o", ms=6, zorder=6.7)
@@ -143,7 +143,9 @@ def _path_handles(labels: Sequence[str]) -> list:
     for rank, label in enumerate(labels):
         colour, dashes = _style(rank)
         handles.append(Line2D([], [], color=colour, lw=1.3, ls=dashes, label=label))
-    goal = Line2D([], [], color=GOAL, marker="o", ms=8, mfc=mix(GOAL, "white", 0.6), lw=0, label="goal region")
+    goal = Line2D(
+        [], [], color=rendering.GOAL, marker="o", ms=8, mfc=mix(rendering.GOAL, "white", 0.6), lw=0, label="goal region"
+    )
     return [*handles, goal]
 
 
@@ -175,8 +177,8 @@ def shape_mismatches(planned: Object, true: Sequence[Object], path: str | os.Pat
 def _draw_mismatch(ax: Axes, planned: Object, true: Object) -> None:
     """One panel of `shape_mismatches`."""
     mismatch = shape_mismatch(planned.shapes, true.shapes)
-    ax.fill(*_outline(planned), facecolor=mix(OBJECT, "white", 0.55), edgecolor=PLANNED, lw=1.6)
-    ax.plot(*_outline(true), color=INK, lw=1.3)
+    ax.fill(*_outline(planned), facecolor=mix(rendering.OBJECT, "white", 0.55), edgecolor=PLANNED, lw=1.6)
+    ax.plot(*_outline(true), color=rendering.INK, lw=1.3)
     (shift, moved), (turn, turned) = mismatch.worst_displacement, mismatch.worst_normal_error
     ends = _points(planned, moved[0]), _points(true, moved[0])
     ax.plot(*np.column_stack([end[0] for end in ends]), color=SHIFT, lw=2.6, zorder=4)
@@ -192,7 +194,7 @@ def _draw_turn(ax: Axes, planned: Object, true: Object, direction: float) -> Non
     angles = [float(np.arctan2(n[1], n[0])) for n in (normal, true_normal)]
     length, turn = 0.55 * planned.bounding_radius, (angles[1] - angles[0] + np.pi) % (2 * np.pi) - np.pi
     arc = angles[0] + np.linspace(0, turn, 40)
-    for angle, colour in zip(angles, (PLANNED, INK), strict=True):
+    for angle, colour in zip(angles, (PLANNED, rendering.INK), strict=True):
         tip = point + length * np.array([np.cos(angle), np.sin(angle)])
         ax.plot(*np.column_stack([point, tip]), color=colour, lw=0.9, zorder=4)
     ax.plot(*(point[:, None] + 0.75 * length * np.array([np.cos(arc), np.sin(arc)])), color=TURN, lw=2.2, zorder=5)
@@ -200,7 +202,7 @@ def _draw_turn(ax: Axes, planned: Object, true: Object, direction: float) -> Non
 
 def _points(item: Object, direction: float) -> tuple[np.ndarray, np.ndarray]:
     """The surface's point and normal in one direction, shape (2,) each."""
-    reach, normal = surface(item.shapes, np.array([direction]))
+    reach, normal = trace_surface(item.shapes, np.array([direction]))
     return reach[0] * np.array([np.cos(direction), np.sin(direction)]), normal[0]
 
 
@@ -208,7 +210,7 @@ def _outline(item: Object) -> np.ndarray:
     """The surface as it is seen from outside, shape (2, SAMPLES)."""
     corners = np.concatenate([np.arctan2(shape.vertices[:, 1], shape.vertices[:, 0]) for shape in item.shapes])
     directions = np.sort(np.concatenate([np.linspace(-np.pi, np.pi, SAMPLES), corners]))
-    return surface(item.shapes, directions)[0] * np.array([np.cos(directions), np.sin(directions)])
+    return trace_surface(item.shapes, directions)[0] * np.array([np.cos(directions), np.sin(directions)])
 
 
 def _mismatch_handles(name: str) -> list:
@@ -216,8 +218,8 @@ def _mismatch_handles(name: str) -> list:
     from matplotlib.patches import Patch
 
     return [
-        Patch(facecolor=mix(OBJECT, "white", 0.55), edgecolor=PLANNED, lw=1.4, label=f"planned: {name}"),
-        Line2D([], [], color=INK, lw=1.3, label="true"),
+        Patch(facecolor=mix(rendering.OBJECT, "white", 0.55), edgecolor=PLANNED, lw=1.4, label=f"planned: {name}"),
+        Line2D([], [], color=rendering.INK, lw=1.3, label="true"),
         Line2D([], [], color=SHIFT, lw=2.6, label="contact displacement"),
         Line2D([], [], color=TURN, lw=2.2, label="normal error"),
     ]

@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import figure_file, show_scene
-from piec_envs.escape.base import FieldMap
-from piec_envs.rendering.drawing import INK, OBJECT, draw_escape_circle, union_patch
-from piec_envs.rendering.escape import ENCLOSED, FREE, draw_way, way_handle
-from piec_envs.rendering.field import carried_into_wall, draw_nodes, field_colours
+from piec_envs import FieldMap, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +51,7 @@ class ObstaclePanel:
     def time(self) -> np.ndarray:
         """T, carried on into the obstacle, which hides it, so that contours run up to it, shape (N, N), s."""
         lowest = self.field_map.speed.max() * (1 - 1e-9)
-        return carried_into_wall(self.field_map.T, self.field_map.speed < lowest)
+        return rendering.carried_into_wall(self.field_map.T, self.field_map.speed < lowest)
 
     @property
     def open(self) -> bool:
@@ -96,7 +93,10 @@ def escape_times(panels: Sequence[ObstaclePanel], path: str | os.PathLike) -> Pa
             left.set_title(f"escape time T, {panel.title}")
             right.set_title(f"speed, {panel.title}")
         if any(panel.walled(way).any() for panel in panels for way in panel.paths):
-            handles = [way_handle(FREE, dashed=False), way_handle(ENCLOSED, dashed=True)]
+            handles = [
+                rendering.way_handle(rendering.FREE, dashed=False),
+                rendering.way_handle(rendering.ENCLOSED, dashed=True),
+            ]
             figure.legend(handles=handles, loc="outside lower center", ncols=2, handlelength=2.6)
         _bar(figure, field, rows[:, 0], "T [s]")
         _bar(figure, speed, rows[:, 1], "speed [m/s]")
@@ -115,17 +115,17 @@ def draw_time(ax: Axes, panel: ObstaclePanel, top: float) -> AxesImage:
         The image, for a colour bar.
     """
     x, y, time = panel.field_map.x, panel.field_map.y, np.ma.masked_invalid(panel.time)
-    colours = field_colours().with_extremes(bad=CAGED)
+    colours = rendering.field_colours().with_extremes(bad=CAGED)
     image = _show(ax, panel, time, cmap=colours, vmin=0.0, vmax=top)
     levels = LEVEL_STEP * np.arange(1, round(top / LEVEL_STEP))
     lines = ax.contour(x, y, time, levels=levels, colors="white", linewidths=0.8, alpha=0.9, zorder=2)
     lines.set_clip_path(image.get_clip_path())
     _label(ax, panel, lines, levels)
-    ring = _ring(panel, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=3)
+    ring = _ring(panel, facecolor="white", edgecolor=rendering.INK, linewidth=1.0, zorder=3)
     ax.add_artist(ring)
     for way in panel.paths:
         walled = panel.walled(way)
-        draw_way(ax, way, walled, bool(walled.any()), linewidth=2.2)
+        rendering.draw_way(ax, way, walled, bool(walled.any()), linewidth=2.2)
     _mark(ax, panel)
     if not panel.open:
         x_text, y_text = panel.beside_star
@@ -140,19 +140,27 @@ def _label(ax: Axes, panel: ObstaclePanel, lines: ContourSet, levels: np.ndarray
     away /= np.hypot(*away)
     style: dict[str, Any] = {"fmt": "%.1f", "fontsize": 7.5, "inline_spacing": 3, "zorder": 2.5}
     outside = [(panel.radius - level) * away for level in levels[1::2] if level < panel.radius]
-    ax.clabel(lines, manual=outside, colors=INK, **style)
+    ax.clabel(lines, manual=outside, colors=rendering.INK, **style)
     if panel.open:
         ax.clabel(lines, manual=[panel.beside_star], colors="white", **style)
 
 
 def draw_speed(ax: Axes, panel: ObstaclePanel) -> AxesImage:
-    """Draw the speed map within the escape circle; returns the image, for a colour bar."""
+    """Draw the speed map within the escape circle.
+
+    Args:
+        ax: where to draw.
+        panel: gives the map and the wall.
+
+    Returns:
+        The image, for a colour bar.
+    """
     from matplotlib.colors import LinearSegmentedColormap
 
     field_map = panel.field_map
     colours = LinearSegmentedColormap.from_list("speed", [SLOW, FAST])
     image = _show(ax, panel, field_map.speed, cmap=colours, vmin=0.0, vmax=float(field_map.speed.max()))
-    ax.add_artist(_ring(panel, facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
+    ax.add_artist(_ring(panel, facecolor="none", edgecolor=rendering.INK, linewidth=0.8, zorder=3))
     side = panel.outlines[0][:2]  # (2, 2) the outline's first side, along which the wall's speed stands
     x, y = 0.25 * (side + panel.outlines[1][:2]).sum(axis=0)
     turn = float(np.degrees(np.arctan2(*(side[1] - side[0])[::-1])))
@@ -172,22 +180,22 @@ def draw_speed(ax: Axes, panel: ObstaclePanel) -> AxesImage:
 
 def _show(ax: Axes, panel: ObstaclePanel, values: np.ndarray, **style: Any) -> AxesImage:
     """An image over the grid, cut off at the escape circle, which is drawn as well."""
-    image = draw_nodes(ax, panel.field_map.x, panel.field_map.y, values, **style)
-    image.set_clip_path(draw_escape_circle(ax, np.zeros(2), panel.radius))
+    image = rendering.draw_nodes(ax, panel.field_map.x, panel.field_map.y, values, **style)
+    image.set_clip_path(rendering.draw_escape_circle(ax, np.zeros(2), panel.radius))
     return image
 
 
 def _ring(panel: ObstaclePanel, **style: Any) -> Any:
     """The obstacle with its cavity left open."""
     outer, cavity = panel.outlines
-    return union_patch([outer, cavity[::-1]], **style)
+    return rendering.union_patch([outer, cavity[::-1]], **style)
 
 
 def _mark(ax: Axes, panel: ObstaclePanel) -> None:
     """The point mass as a star, and the point outside with its name."""
     name, (x, y) = panel.point
-    ax.plot(*panel.star, marker="*", ms=15, mfc=OBJECT, mec=INK, mew=0.9, zorder=9)
-    ax.plot(x, y, marker="o", ms=5.5, mfc="white", mec=INK, mew=1.0, zorder=9)
+    ax.plot(*panel.star, marker="*", ms=15, mfc=rendering.OBJECT, mec=rendering.INK, mew=0.9, zorder=9)
+    ax.plot(x, y, marker="o", ms=5.5, mfc="white", mec=rendering.INK, mew=1.0, zorder=9)
     ax.annotate(name, (x, y), (-4, -11), textcoords="offset points", fontsize=9, fontweight="bold", zorder=9)
 
 

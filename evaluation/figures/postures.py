@@ -12,20 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import CAGING, colour_bar, figure_file, mix, panel_title, show_scene
-from piec_envs.errors import RenderingError
-from piec_envs.rendering.drawing import (
-    KEY_POINT,
-    base_position,
-    draw_key_points,
-    draw_object,
-    draw_robot,
-)
-from piec_envs.rendering.escape import Escape, draw_escape, solve_escape, way_handles
-from piec_envs.rendering.field import FieldStyle, draw_field, field_top
-from piec_envs.rendering.space import SpaceFrames
-from piec_envs.rendering.view import close_view
-from piec_envs.world.objects import get_object
-from piec_envs.world.robots import get_robot
+from piec_envs import RenderingError, get_object, get_robot, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,14 +46,14 @@ class PosturePanel:
     enclosed: bool | None = None
 
     @property
-    def escape(self) -> Escape:
+    def escape(self) -> rendering.Escape:
         """The field, and the fastest way out."""
         item = get_object(self.object_name)
-        escape = solve_escape(self.robot_name, item, self.pose, self.q_r)
+        escape = rendering.solve_escape(self.robot_name, item, self.pose, self.q_r)
         return escape if self.enclosed is None else replace(escape, enclosed=self.enclosed)
 
 
-def draw_posture(ax: Axes, panel: PosturePanel, escape: Escape, top: float, close: bool = False) -> AxesImage:
+def draw_posture(ax: Axes, panel: PosturePanel, escape: rendering.Escape, top: float, close: bool = False) -> AxesImage:
     """Draw a posture with the field's heat map and contours, the object and its key points.
 
     Args:
@@ -80,14 +67,16 @@ def draw_posture(ax: Axes, panel: PosturePanel, escape: Escape, top: float, clos
         The heat map, for a colour bar.
     """
     robot, item = get_robot(panel.robot_name), get_object(panel.object_name)
-    image = draw_field(ax, robot, panel.q_r, escape.field_map, FieldStyle(labels=False, line=0.6, top=top))
-    draw_escape(ax, escape, linewidth=1.6)
-    draw_robot(ax, robot, panel.q_r, linewidth=0.8)
-    draw_object(ax, item, panel.pose, linewidth=0.8)
-    draw_key_points(ax, item, panel.pose, s=11)
-    centre, half = base_position(robot, panel.q_r), 1.02 * robot.workspace_radius
+    image = rendering.draw_field(
+        ax, robot, panel.q_r, escape.field_map, rendering.FieldStyle(labels=False, line=0.6, top=top)
+    )
+    rendering.draw_escape(ax, escape, linewidth=1.6)
+    rendering.draw_robot(ax, robot, panel.q_r, linewidth=0.8)
+    rendering.draw_object(ax, item, panel.pose, linewidth=0.8)
+    rendering.draw_key_points(ax, item, panel.pose, s=11)
+    centre, half = rendering.base_position(robot, panel.q_r), 1.02 * robot.workspace_radius
     if close:
-        centre, half = close_view(robot, panel.q_r, item, panel.pose)
+        centre, half = rendering.close_view(robot, panel.q_r, item, panel.pose)
     show_scene(ax, np.stack([centre - half, centre + half], axis=1))
     return image
 
@@ -106,13 +95,13 @@ def _draw_all(
     """
     panels = [panel for row in rows for panel in row]
     escapes = [panel.escape for panel in panels]
-    top = field_top(escape.caging for escape in escapes)
+    top = rendering.field_top(escape.caging for escape in escapes)
     for ax, panel, escape in zip(np.ravel(axes), panels, escapes, strict=True):
         image = draw_posture(ax, panel, escape, top, close)
         word = "enclosed" if escape.enclosed else "open"
         panel_title(ax, panel.label if named else "", f"caging {escape.caging:.2f}, {word}")
     colour_bar(figure, image, axes, CAGING)
-    handles = [*way_handles(escapes), _key_point_handle()]
+    handles = [*rendering.way_handles(escapes), _key_point_handle()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.6)
 
 
@@ -120,7 +109,9 @@ def _key_point_handle() -> Line2D:
     """A sample of a key point for a legend."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], marker="o", ms=4, mfc=KEY_POINT, mec="white", lw=0, label="key point, where T is asked")
+    return Line2D(
+        [], [], marker="o", ms=4, mfc=rendering.KEY_POINT, mec="white", lw=0, label="key point, where T is asked"
+    )
 
 
 def posture_row(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path:
@@ -183,7 +174,7 @@ def posture_scenes(panels: Sequence[PosturePanel], path: str | os.PathLike) -> P
 
 def _scenes(panels: Sequence[PosturePanel]) -> list[np.ndarray]:
     """Pictures in space, one for each panel; none where there is no OpenGL."""
-    frames = SpaceFrames()
+    frames = rendering.SpaceFrames()
     try:
         return [_scene(frames, panel) for panel in panels]
     except RenderingError as error:
@@ -193,10 +184,10 @@ def _scenes(panels: Sequence[PosturePanel]) -> list[np.ndarray]:
         frames.close()
 
 
-def _scene(frames: SpaceFrames, panel: PosturePanel) -> np.ndarray:
+def _scene(frames: rendering.SpaceFrames, panel: PosturePanel) -> np.ndarray:
     """A close picture of a posture in space."""
     robot, item = get_robot(panel.robot_name), get_object(panel.object_name)
-    view = close_view(robot, panel.q_r, item, panel.pose)
+    view = rendering.close_view(robot, panel.q_r, item, panel.pose)
     return frames.scene(robot, item.name, panel.q_r, panel.pose, view=view)
 
 

@@ -23,15 +23,7 @@ from evaluation.figures.base import (
     show_scene,
 )
 from evaluation.figures.strip import draw_strip, goal_handle, strip_steps
-from piec_envs.rendering.drawing import (
-    GOAL,
-    INK,
-    draw_ghost,
-    draw_goal,
-    draw_object,
-    draw_reference,
-    draw_robot,
-)
+from piec_envs import rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +35,15 @@ PATH_POINTS = 300  # of an object path in a figure
 
 
 def keyframe_steps(trajectory: Trajectory, between: int = 2) -> list[int]:
-    """Start, first contact, `between` steps between that and the end, and the end."""
+    """Start, first contact, some steps between that and the end, and the end.
+
+    Args:
+        trajectory: the plan's execution.
+        between: how many steps after the first contact and before the end.
+
+    Returns:
+        Steps in ascending order, each once.
+    """
     first = trajectory.first_contact or 0
     return sorted({0, *np.linspace(first, trajectory.steps, between + 2).astype(int).tolist()})
 
@@ -59,21 +59,23 @@ def draw_keyframes(ax: Axes, trajectory: Trajectory, steps: Sequence[int]) -> No
     colour = mode_of(trajectory.mode).colour
     for rank, step in enumerate(steps[:-1]):
         age = (rank + 1) / len(steps)
-        line = {"edgecolor": mix("white", INK, 0.25 + 0.35 * age), "linewidth": 0.6, "zorder": 2 + age}
+        line = {"edgecolor": mix("white", rendering.INK, 0.25 + 0.35 * age), "linewidth": 0.6, "zorder": 2 + age}
         face = mix("white", GREY, 0.3 + 0.6 * age)
-        draw_ghost(ax, trajectory.robot, trajectory.q_r[step], facecolor=face, alpha=0.5, **line)
-        draw_object(ax, trajectory.object, trajectory.pose[step], alpha=0.25 + 0.3 * age, **{**line, "zorder": 3 + age})
-    draw_robot(ax, trajectory.robot, trajectory.q_r[steps[-1]], facecolor=mix("white", colour, 0.3))
-    draw_object(ax, trajectory.object, trajectory.pose[steps[-1]])
-    _path(ax, trajectory.pose, color=INK, lw=1.1, ls=(0, (1, 1.2)), zorder=5.8)
+        rendering.draw_ghost(ax, trajectory.robot, trajectory.q_r[step], facecolor=face, alpha=0.5, **line)
+        rendering.draw_object(
+            ax, trajectory.object, trajectory.pose[step], alpha=0.25 + 0.3 * age, **{**line, "zorder": 3 + age}
+        )
+    rendering.draw_robot(ax, trajectory.robot, trajectory.q_r[steps[-1]], facecolor=mix("white", colour, 0.3))
+    rendering.draw_object(ax, trajectory.object, trajectory.pose[steps[-1]])
+    _path(ax, trajectory.pose, color=rendering.INK, lw=1.1, ls=(0, (1, 1.2)), zorder=5.8)
     _task(ax, trajectory)
 
 
 def _task(ax: Axes, trajectory: Trajectory) -> None:
     """The goal region, and the reference where there is one."""
-    draw_goal(ax, trajectory.goal)
+    rendering.draw_goal(ax, trajectory.goal)
     if trajectory.reference is not None and len(trajectory.reference):
-        draw_reference(ax, trajectory.reference, zorder=4.6)
+        rendering.draw_reference(ax, trajectory.reference, zorder=4.6)
 
 
 def draw_disturbed(ax: Axes, trajectory: Trajectory, nominal: bool = True) -> None:
@@ -91,7 +93,7 @@ def draw_disturbed(ax: Axes, trajectory: Trajectory, nominal: bool = True) -> No
         paths = trajectory.disturbed[:, ::every, :2]
         ax.add_collection(LineCollection(list(paths), colors=GREY, linewidths=0.5, alpha=0.45, zorder=3), autolim=False)
         ends = trajectory.disturbed[:, -1]
-        ax.scatter(ends[:, 0], ends[:, 1], s=5, color=INK, linewidths=0, alpha=0.6, zorder=7)
+        ax.scatter(ends[:, 0], ends[:, 1], s=5, color=rendering.INK, linewidths=0, alpha=0.6, zorder=7)
         if nominal:
             _path(ax, trajectory.disturbed.mean(axis=0), color=MEAN, lw=1.8, zorder=5)
     if nominal:
@@ -156,8 +158,10 @@ def trajectories(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path:
     with figure_file(path, PANEL * len(plans), _panel_height(box, INNER) + legend) as figure:
         axes = np.ravel(figure.subplots(1, len(plans)))
         for ax, plan in zip(axes, plans, strict=True):
-            draw_ghost(ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", INK, 0.3), alpha=1.0)
-            draw_object(ax, plan.object, plan.pose[0], alpha=0.5, zorder=2)
+            rendering.draw_ghost(
+                ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", rendering.INK, 0.3), alpha=1.0
+            )
+            rendering.draw_object(ax, plan.object, plan.pose[0], alpha=0.5, zorder=2)
             draw_disturbed(ax, plan)
             _task(ax, plan)
             _title(ax, plan, _success_note(plan))
@@ -175,7 +179,7 @@ def _path_legend(figure: Figure, tracking: bool) -> None:
         Line2D([], [], color=MEAN, lw=1.8, label="mean of the disturbed"),
     ]
     if tracking:
-        handles.append(Line2D([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), label="reference"))
+        handles.append(Line2D([], [], color=rendering.GOAL, lw=1.6, ls=(0, (4, 2)), label="reference"))
     columns = len(handles) if figure.get_figwidth() > PANEL else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
 
@@ -215,8 +219,8 @@ def _overview_handles() -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     return [
-        Line2D([], [], color=INK, lw=1.1, ls=(0, (1, 1.2)), label="object without disturbance"),
+        Line2D([], [], color=rendering.INK, lw=1.1, ls=(0, (1, 1.2)), label="object without disturbance"),
         Line2D([], [], color=GREY, lw=0.8, label="disturbed"),
-        Line2D([], [], color=INK, marker="o", ms=3, lw=0, label="where they end"),
+        Line2D([], [], color=rendering.INK, marker="o", ms=3, lw=0, label="where they end"),
         goal_handle(),
     ]

@@ -12,17 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import Trajectory, bounds, figure_file, mix, mode_of, show_scene
-from piec_envs.errors import RenderingError
-from piec_envs.rendering.drawing import (
-    draw_goal,
-    draw_loose,
-    draw_object,
-    draw_reference,
-    draw_robot,
-    draw_trail,
-)
-from piec_envs.rendering.space import SpaceFrames, task_marks
-from piec_envs.rendering.view import View
+from piec_envs import RenderingError, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,16 +63,16 @@ def space_keyframes(
     return Path(path)
 
 
-def _view(box: np.ndarray) -> View:
+def _view(box: np.ndarray) -> rendering.View:
     """What a picture of the box ((x, x), (y, y)) shows, m."""
     width, depth = np.ptp(box, axis=1)
     half = 0.5 * max(float(width), float(depth) / DEPTH)
-    return View(box.mean(axis=1) + np.array([0.0, RAISED * half]), half)
+    return rendering.View(box.mean(axis=1) + np.array([0.0, RAISED * half]), half)
 
 
-def _pictures(trajectories: Sequence[Trajectory], steps: Steps, view: View) -> list[list[np.ndarray]]:
+def _pictures(trajectories: Sequence[Trajectory], steps: Steps, view: rendering.View) -> list[list[np.ndarray]]:
     """Pictures in space, shape (height, width, 3) each; none where there is no OpenGL."""
-    frames = SpaceFrames()
+    frames = rendering.SpaceFrames()
     try:
         return [
             [_picture(frames, trajectory, step, view) for step in shown]
@@ -95,8 +85,8 @@ def _pictures(trajectories: Sequence[Trajectory], steps: Steps, view: View) -> l
         frames.close()
 
 
-def _picture(frames: SpaceFrames, trajectory: Trajectory, step: int, view: View) -> np.ndarray:
-    marks = task_marks(trajectory.goal, trajectory.reference, trajectory.pose[: step + 1, :2])
+def _picture(frames: rendering.SpaceFrames, trajectory: Trajectory, step: int, view: rendering.View) -> np.ndarray:
+    marks = rendering.task_marks(trajectory.goal, trajectory.reference, trajectory.pose[: step + 1, :2])
     loose = None if trajectory.loose is None else trajectory.loose[step]
     q, pose = trajectory.q_r[step], trajectory.pose[step]
     picture = frames.scene(trajectory.robot, trajectory.object_name, q, pose, marks, view, loose)
@@ -109,14 +99,14 @@ def _draw_flat(ax: Axes, trajectory: Trajectory, step: int) -> None:
     """The same keyframe in the plane."""
     touched = None if trajectory.contact is None else trajectory.contact[step]
     if trajectory.reference is not None and len(trajectory.reference):
-        draw_reference(ax, trajectory.reference)
+        rendering.draw_reference(ax, trajectory.reference)
     if step > 0:
-        draw_trail(ax, trajectory.pose[: step + 1, :2])
-    draw_goal(ax, trajectory.goal, linewidth=1.2)
-    draw_robot(ax, trajectory.robot, trajectory.q_r[step], touched, linewidth=0.7)
+        rendering.draw_trail(ax, trajectory.pose[: step + 1, :2])
+    rendering.draw_goal(ax, trajectory.goal, linewidth=1.2)
+    rendering.draw_robot(ax, trajectory.robot, trajectory.q_r[step], touched, linewidth=0.7)
     if trajectory.loose is not None:
-        draw_loose(ax, trajectory.object, trajectory.loose[step], linewidth=0.7)
-    draw_object(ax, trajectory.object, trajectory.pose[step], linewidth=0.8)
+        rendering.draw_loose(ax, trajectory.object, trajectory.loose[step], linewidth=0.7)
+    rendering.draw_object(ax, trajectory.object, trajectory.pose[step], linewidth=0.8)
 
 
 def _row_label(ax: Axes, trajectory: Trajectory, among: Sequence[str]) -> None:

@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import CAGING, Trajectory, colour_bar, figure_file, show_scene
-from piec_envs.rendering.drawing import (
-    GOAL,
-    INK,
-    TOUCHED,
-    base_position,
-    draw_goal,
-    draw_object,
-    draw_robot,
-)
-from piec_envs.rendering.escape import Escape, caption, draw_escape, solve_escape, way_handles
-from piec_envs.rendering.field import FieldStyle, draw_field, field_top
+from piec_envs import rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,11 +22,19 @@ LEAST_WIDTH = 7.4  # of a strip: its legend in a row, inches
 
 
 def strip_steps(trajectory: Trajectory, count: int) -> list[int]:
-    """Evenly spaced steps from the first contact (or the start) to the end."""
+    """Evenly spaced steps from the first contact (or the start) to the end.
+
+    Args:
+        trajectory: the plan's execution.
+        count: how many.
+
+    Returns:
+        Steps in ascending order.
+    """
     return np.linspace(trajectory.first_contact or 0, trajectory.steps, count).astype(int).tolist()
 
 
-def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, escape: Escape, top: float) -> AxesImage:
+def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, escape: rendering.Escape, top: float) -> AxesImage:
     """Draw the escape-time field at one step with the object's fastest way out.
 
     Args:
@@ -50,15 +48,19 @@ def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, escape: Escape
         The heat map, for a colour bar.
     """
     q, pose = trajectory.q_r[step], trajectory.pose[step]
-    image = draw_field(ax, trajectory.robot, q, escape.field_map, FieldStyle(labels=False, line=0.6, top=top))
-    draw_escape(ax, escape, linewidth=1.6)
-    draw_robot(ax, trajectory.robot, q, None if trajectory.contact is None else trajectory.contact[step], linewidth=0.7)
-    draw_object(ax, trajectory.object, pose, linewidth=0.8)
-    draw_goal(ax, trajectory.goal, linewidth=1.4)
+    image = rendering.draw_field(
+        ax, trajectory.robot, q, escape.field_map, rendering.FieldStyle(labels=False, line=0.6, top=top)
+    )
+    rendering.draw_escape(ax, escape, linewidth=1.6)
+    rendering.draw_robot(
+        ax, trajectory.robot, q, None if trajectory.contact is None else trajectory.contact[step], linewidth=0.7
+    )
+    rendering.draw_object(ax, trajectory.object, pose, linewidth=0.8)
+    rendering.draw_goal(ax, trajectory.goal, linewidth=1.4)
     time = f"t = {trajectory.period * step:.0f} s"
-    ax.set_title(f"{time},   caging {escape.caging:.2f}\n{caption(escape)}", fontsize=8.5)
+    ax.set_title(f"{time},   caging {escape.caging:.2f}\n{rendering.caption(escape)}", fontsize=8.5)
     half = 1.02 * trajectory.robot.workspace_radius
-    centre = base_position(trajectory.robot, q)
+    centre = rendering.base_position(trajectory.robot, q)
     show_scene(ax, np.stack([centre - half, centre + half], axis=1))
     return image
 
@@ -72,13 +74,13 @@ def draw_strip(figure: Any, trajectory: Trajectory, steps: Sequence[int]) -> Non
         steps: which steps.
     """
     at = [(trajectory.pose[step], trajectory.q_r[step]) for step in steps]
-    escapes = [solve_escape(trajectory.robot_name, trajectory.object, pose, q) for pose, q in at]
-    top = field_top(escape.caging for escape in escapes)
+    escapes = [rendering.solve_escape(trajectory.robot_name, trajectory.object, pose, q) for pose, q in at]
+    top = rendering.field_top(escape.caging for escape in escapes)
     axes = np.ravel(figure.subplots(1, len(steps)))
     for ax, step, escape in zip(axes, steps, escapes, strict=True):
         image = draw_field_panel(ax, trajectory, step, escape, top)
     colour_bar(figure, image, axes, CAGING)
-    handles = [*way_handles(escapes), goal_handle(), *_touched_handle(trajectory)]
+    handles = [*rendering.way_handles(escapes), goal_handle(), *_touched_handle(trajectory)]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.6)
 
 
@@ -103,12 +105,19 @@ def goal_handle() -> Line2D:
     """A sample of the goal region for a legend."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], marker="o", ms=7, mfc="none", mec=GOAL, mew=1.6, lw=0, label="goal region")
+    return Line2D([], [], marker="o", ms=7, mfc="none", mec=rendering.GOAL, mew=1.6, lw=0, label="goal region")
 
 
 def _touched_handle(trajectory: Trajectory) -> list[Line2D]:
     """A sample of a link in contact for a legend, where contacts are known."""
     from matplotlib.lines import Line2D
 
-    style: dict[str, Any] = {"marker": "s", "ms": 7, "mfc": TOUCHED, "mec": INK, "mew": 0.7, "lw": 0}
+    style: dict[str, Any] = {
+        "marker": "s",
+        "ms": 7,
+        "mfc": rendering.TOUCHED,
+        "mec": rendering.INK,
+        "mew": 0.7,
+        "lw": 0,
+    }
     return [] if trajectory.contact is None else [Line2D([], [], label="link in contact", **style)]

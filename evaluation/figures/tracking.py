@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.figures.base import MODES, Trajectory, figure_file, mix
-from piec_envs.episodes.tasks import GOAL_RADIUS
-from piec_envs.rendering.drawing import GOAL, INK, OBJECT, draw_goal, draw_reference
+from piec_envs import GOAL_RADIUS, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,9 +65,16 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
         ax.margins(x=0.14, y=0.14)
         ax.set_ylim(bottom=0)
         if limit is not None and 1e3 * limit <= ax.get_ylim()[1]:  # far above all plans it says nothing
-            ax.axhline(1e3 * limit, color=GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1)
+            ax.axhline(1e3 * limit, color=rendering.GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1)
             end: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
-            ax.text(1.0, 1e3 * limit, "largest error of a success", color=mix(GOAL, "black", 0.2), fontsize=7.5, **end)
+            ax.text(
+                1.0,
+                1e3 * limit,
+                "largest error of a success",
+                color=mix(rendering.GOAL, "black", 0.2),
+                fontsize=7.5,
+                **end,
+            )
         ax.grid(axis="x")
         ax.set_xlabel("mean caging")
         ax.set_ylabel("mean tracking error [mm]")
@@ -111,9 +117,9 @@ def _draw_task(ax: Axes, shown: Sequence[Trajectory]) -> None:
     """References, each once, the goal region and where the object starts."""
     references = {each.reference.tobytes(): each.reference for each in shown if each.reference is not None}
     for rank, reference in enumerate(references.values()):
-        draw_reference(ax, reference, linewidth=2.4, zorder=4, label="" if rank else "reference")
-    ax.plot(*shown[0].pose[0, :2], "o", color=OBJECT, mec=INK, mew=0.8, ms=7, zorder=8)
-    draw_goal(ax, shown[0].goal, linewidth=1.4)
+        rendering.draw_reference(ax, reference, linewidth=2.4, zorder=4, label="" if rank else "reference")
+    ax.plot(*shown[0].pose[0, :2], "o", color=rendering.OBJECT, mec=rendering.INK, mew=0.8, ms=7, zorder=8)
+    rendering.draw_goal(ax, shown[0].goal, linewidth=1.4)
 
 
 def path_box(plans: Sequence[Trajectory]) -> np.ndarray:
@@ -127,7 +133,12 @@ def path_box(plans: Sequence[Trajectory]) -> np.ndarray:
 
 
 def plane_axis(ax: Axes, box: np.ndarray) -> None:
-    """Turn an axis into a window on this box of the plane, with equal scales and ticks in metres."""
+    """Turn an axis into a window on the plane, with equal scales and ticks in metres.
+
+    Args:
+        ax: which.
+        box: least and largest x, then y, shape (2, 2), m.
+    """
     ax.set(xlim=box[0], ylim=box[1], aspect="equal")
     ax.locator_params(nbins=6)
     ax.grid(True, axis="both")

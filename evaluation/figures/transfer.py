@@ -11,7 +11,7 @@ import numpy as np
 
 from evaluation.figures.base import MEAN, NOMINAL, Trajectory, figure_file
 from evaluation.figures.tracking import path_box, plane_axis
-from piec_envs.rendering.drawing import GOAL, INK, OBJECT, draw_goal
+from piec_envs import rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,14 +46,14 @@ def transfer_paths(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path
 
 
 def _draw_trials(ax: Axes, plan: Trajectory) -> None:
-    draw_goal(ax, plan.goal, linewidth=1.4)
+    rendering.draw_goal(ax, plan.goal, linewidth=1.4)
     ax.plot(*plan.pose[:, :2].T, color=NOMINAL, lw=2.2, zorder=4)
     for trial in () if plan.disturbed is None else plan.disturbed:
-        ax.plot(*trial[:, :2].T, color=INK, lw=0.8, ls=(0, (4, 2)), alpha=0.75, zorder=5)
-        ax.plot(*trial[-1, :2], "o", color=INK, ms=2.5, zorder=7)
+        ax.plot(*trial[:, :2].T, color=rendering.INK, lw=0.8, ls=(0, (4, 2)), alpha=0.75, zorder=5)
+        ax.plot(*trial[-1, :2], "o", color=rendering.INK, ms=2.5, zorder=7)
     if plan.disturbed is not None:
         ax.plot(*plan.disturbed.mean(axis=0)[:, :2].T, color=MEAN, lw=1.8, zorder=6)
-    ax.plot(*plan.pose[0, :2], "o", color=OBJECT, mec=INK, mew=0.8, ms=7, zorder=8)
+    ax.plot(*plan.pose[0, :2], "o", color=rendering.OBJECT, mec=rendering.INK, mew=0.8, ms=7, zorder=8)
 
 
 def _legend(figure: Figure) -> None:
@@ -61,9 +61,11 @@ def _legend(figure: Figure) -> None:
 
     handles = [
         Line2D([], [], color=NOMINAL, lw=2.2, label="planned"),
-        Line2D([], [], color=INK, lw=0.8, ls=(0, (4, 2)), label="trials"),
+        Line2D([], [], color=rendering.INK, lw=0.8, ls=(0, (4, 2)), label="trials"),
         Line2D([], [], color=MEAN, lw=1.8, label="their mean"),
-        Line2D([], [], color=OBJECT, marker="o", mec=INK, mew=0.8, ms=7, lw=0, label="nominal start"),
-        Line2D([], [], color=GOAL, marker="o", ms=8, mfc="none", mew=1.4, lw=0, label="goal region"),
+        Line2D(
+            [], [], color=rendering.OBJECT, marker="o", mec=rendering.INK, mew=0.8, ms=7, lw=0, label="nominal start"
+        ),
+        Line2D([], [], color=rendering.GOAL, marker="o", ms=8, mfc="none", mew=1.4, lw=0, label="goal region"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.2)

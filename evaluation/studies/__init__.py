@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from piec_envs.errors import check_name
+from piec_envs import check_name
 
 PUSH = "piec_envs/PlanarArmPush-v0"  # the env of the planar studies
 

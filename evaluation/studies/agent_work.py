@@ -57,7 +57,16 @@ class AgentCase:
         return Work({"work": "train", "env_id": self.env_id, "train": spec}, seed, f"{self.label}, seed {seed}")
 
     def evaluation_work(self, seed: int, protocol: str, episodes: int) -> Work:
-        """Evaluating the agent of one seed under a protocol."""
+        """Evaluating the agent of one seed under a protocol.
+
+        Args:
+            seed: of the training.
+            protocol: its name.
+            episodes: how many.
+
+        Returns:
+            The piece of work.
+        """
         spec = {
             "work": "evaluate",
             "plan": self.train_work(seed).spec,
@@ -70,13 +79,27 @@ class AgentCase:
 
 
 def agent_folder(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
-    """Where the training of a spec and seed is."""
+    """Where a training is.
+
+    Args:
+        folder: of all studies.
+        spec: of the training, from `AgentCase.train_work`.
+        seed: of the training.
+
+    Returns:
+        The path, whether it is there or not.
+    """
     name = spec["env_id"].rpartition("/")[2]
     return Path(folder) / "agents" / f"{name}-{spec['train']['algo']}-seed{seed}-{work_key(spec, seed)[:8]}"
 
 
 def train_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
     """Train an agent, go on where its training was stopped, or find it trained.
+
+    Args:
+        spec: from `AgentCase.train_work`.
+        seed: of the training.
+        context: with the folder of all studies.
 
     Returns:
         Its folder's name, the steps of the environment that the training took, and the evaluations on the way.
@@ -99,7 +122,16 @@ def train_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
 
 
 def training_seconds(spec: Mapping[str, Any], seed: int, context: Context) -> float:
-    """How long a training took, wherever and whenever that was."""
+    """How long a training took, wherever and whenever that was.
+
+    Args:
+        spec: from `AgentCase.train_work`.
+        seed: of the training.
+        context: with the folder of all studies.
+
+    Returns:
+        The time, s.
+    """
     file = agent_folder(context.folder, spec, seed) / "agent.json"
     return float(json.loads(file.read_text(encoding="utf-8"))["seconds"])
 
@@ -111,6 +143,9 @@ def agent_policy(spec: Mapping[str, Any], seed: int, context: Context) -> Any:
         spec: of an evaluation, from `AgentCase.evaluation_work`.
         seed: of the training.
         context: with the folder of all studies.
+
+    Returns:
+        The policy, closed or open loop as the spec says.
     """
     from planners.sb3 import Agent, AgentPolicy, open_loop
     from planners.sb3.training import BEST

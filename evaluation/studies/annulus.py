@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from piec_envs.world.shapes import RoundedPolygon
+from piec_envs import RoundedPolygon
 
 SHRINK = 1 - 1e-9  # of the square that blocks the view, so that a line along its side does not
 PERIMETER = 600  # points on each square where refracted paths are tried
@@ -53,11 +53,27 @@ class Annulus:
         return points @ _turn(self.angle).T + self.centre
 
     def depth(self, points: np.ndarray, half: float) -> np.ndarray:
-        """How far points lie inside the square of that half side (negative: outside it), shape (...), m."""
+        """How far points lie inside a square around the annulus' centre, with its sides' angle.
+
+        Args:
+            points: shape (..., 2), m.
+            half: half the square's side, m.
+
+        Returns:
+            Shape (...), m; negative outside.
+        """
         return half - np.abs((points - self.centre) @ _turn(self.angle)).max(axis=-1)
 
     def outline(self, half: float, points: int = 4) -> np.ndarray:
-        """Evenly spaced points on the square of that half side, its corners first, shape (points, 2), m."""
+        """Evenly spaced points on a square around the annulus' centre, with its sides' angle.
+
+        Args:
+            half: half the square's side, m.
+            points: how many; a multiple of 4 has the corners among them.
+
+        Returns:
+            Shape (points, 2), m.
+        """
         return self._on_square(half, np.arange(points) / points)
 
     def _on_square(self, half: float, share: np.ndarray) -> np.ndarray:
@@ -69,7 +85,14 @@ class Annulus:
         return self.to_world(half * corner)
 
     def blocks(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Whether straight lines run through the outer square, shapes (..., 2) to (...)."""
+        """Whether straight lines run through the outer square.
+
+        Args:
+            start, end: of the lines, shape (..., 2), m.
+
+        Returns:
+            Shape (...), bool.
+        """
         frame, half = _turn(self.angle), self.outer * SHRINK
         a, d = (start - self.centre) @ frame, (end - start) @ frame
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,7 +125,15 @@ class Annulus:
         return np.where(self.blocks(points, end), np.inf, np.maximum(self.radius - r, 0.0))
 
     def leaky_time(self, point: np.ndarray, leak: float) -> float:
-        """Escape time of a point in the cavity at speed 1, and `leak` in the wall, s; inf without a leak."""
+        """Escape time of a point in the cavity, at speed 1 but in the wall (paper, section 3.4).
+
+        Args:
+            point: shape (2,), m.
+            leak: speed in the wall.
+
+        Returns:
+            The time, s; inf without a leak.
+        """
         if leak == 0:
             return np.inf
         entry = leave = np.arange(PERIMETER) / PERIMETER

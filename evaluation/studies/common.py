@@ -19,7 +19,7 @@ from evaluation.protocols import get_protocol
 from evaluation.studies import PUSH
 from evaluation.studies.work import drawn_evaluation, evaluation_spec, get_plan, plan_file, plan_spec
 from evaluation.tables import Rates, Spread
-from piec_envs.console import no_bar
+from piec_envs import console
 from planners import Plan
 
 PLANNER_SEEDS = (0, 1, 2, 3, 4)
@@ -58,13 +58,31 @@ class Case:
         return Work(spec, seed, f"{self.label}, seed {seed}")
 
     def evaluation_work(self, seed: int, protocol: str, episodes: int) -> Work:
-        """Evaluating the plan of one seed under a protocol."""
+        """Evaluating the plan of one seed under a protocol.
+
+        Args:
+            seed: the planner's.
+            protocol: its name.
+            episodes: how many.
+
+        Returns:
+            The piece of work.
+        """
         spec = evaluation_spec(self.plan_work(seed).spec, self.env_kwargs, protocol, episodes)
         return Work(spec, seed, f"{self.label}, seed {seed}, {protocol}")
 
 
 def mode_cases(objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]) -> list[Case]:
-    """One case for each objective; all else is the same."""
+    """One case for each objective; all else is the same.
+
+    Args:
+        objectives: rows of the table of objectives, which also label the cases.
+        planner: arguments of `CmaEsPlanner` beside the objective.
+        env_kwargs: keyword arguments of the nominal model and of the plant.
+
+    Returns:
+        The cases.
+    """
     return [Case(name, {**planner, "objective": name}, env_kwargs) for name in objectives]
 
 
@@ -115,6 +133,10 @@ class StudyRun:
     def evaluate(self, cases: Sequence[Case], protocol: str) -> list[list[dict[str, Any]]]:
         """Evaluate every plan under a protocol.
 
+        Args:
+            cases: whose plans.
+            protocol: its name.
+
         Returns:
             For each case the results of `evaluate_once`, one for each seed.
         """
@@ -122,11 +144,28 @@ class StudyRun:
         return self._by_case(self._run(works, f"evaluating, {protocol}"))
 
     def load_plan(self, case: Case, seed: int) -> Plan:
-        """The plan of one seed."""
+        """The plan of one seed.
+
+        Args:
+            case: whose plan.
+            seed: the planner's.
+
+        Returns:
+            The plan, made again if it is missing.
+        """
         return get_plan(case.plan_work(seed).spec, seed, self.context)
 
     def load_evaluation(self, case: Case, seed: int, protocol: str) -> Evaluation:
-        """What the plan of one seed did, for figures."""
+        """What the plan of one seed did, for figures.
+
+        Args:
+            case: whose plan.
+            seed: the planner's.
+            protocol: its name.
+
+        Returns:
+            The evaluation, with the states that its file keeps.
+        """
         work = self._evaluation(case, seed, protocol)
         return drawn_evaluation(work.spec, seed, self.context)
 
@@ -136,7 +175,9 @@ class StudyRun:
 
     def draw(self, *drawings: Callable[[], Path]) -> list[Path]:
         """Make figures one after the other; returns their files."""
-        return [draw() for draw in tqdm(drawings, "drawing", disable=no_bar(self.progress), leave=False, delay=0.5)]
+        return [
+            draw() for draw in tqdm(drawings, "drawing", disable=console.no_bar(self.progress), leave=False, delay=0.5)
+        ]
 
     def _run(self, works: list[Work], label: str) -> list[dict[str, Any]]:
         file = self.out_dir / "records.jsonl"
@@ -149,7 +190,15 @@ class StudyRun:
 
 
 def column(results: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:
-    """One number of every plan's result, shape (plans,); None becomes NaN."""
+    """One number of every plan's result.
+
+    Args:
+        results: one for each plan.
+        name: of the number.
+
+    Returns:
+        Shape (plans,); None becomes NaN.
+    """
     return np.array([np.nan if result[name] is None else result[name] for result in results], dtype=float)
 
 
@@ -174,7 +223,15 @@ def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def executions(results: Sequence[Mapping[str, Any]], name: str = "n") -> str:
-    """How many distinct executions, such as "5 x 100"."""
+    """How many distinct executions there are.
+
+    Args:
+        results: one for each plan.
+        name: of their number in a result.
+
+    Returns:
+        Such as "5 x 100", or the sum where plans differ in it.
+    """
     counts = sorted({result[name] for result in results})
     return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result[name] for result in results))
 

@@ -29,10 +29,7 @@ from evaluation.studies.mismatch import Results, evaluate_all, executed
 from evaluation.studies.paper import paper_case
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.tables import Rates, write_table
-from piec_envs.episodes.tasks import PAPER_PRESETS
-from piec_envs.escape.field import CAGING_SCALE, choose_field, object_escape_time
-from piec_envs.world.objects import get_object
-from piec_envs.world.robots import get_robot
+from piec_envs import CAGING_SCALE, PAPER_PRESETS, choose_field, get_object, get_robot, object_escape_time
 
 CAGE, OPEN = {"start": "cage"}, {"start": "open"}  # keyword arguments of the environment
 # What each method may touch the object with, where it starts, and what it optimises.

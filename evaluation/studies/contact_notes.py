@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from evaluation.studies.paper import PAPER_NOTES
-from piec_envs.episodes.tasks import PAPER_PRESETS
+from piec_envs import PAPER_PRESETS
 
 CARRY = "rigid-carry"
 NOISE_NOTES = """\

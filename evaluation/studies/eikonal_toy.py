@@ -18,7 +18,7 @@ from evaluation.figures import ObstaclePanel, escape_times
 from evaluation.jobs import Context, Work, run_recorded
 from evaluation.studies.annulus import Annulus
 from evaluation.tables import write_table
-from piec_envs.escape.obstacle import ObstacleField, even_speed
+from piec_envs import ObstacleField, even_speed
 
 DO = "evaluation.studies.eikonal_toy:solve_once"
 SEED = 0  # of the random points
@@ -100,6 +100,11 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
 
 def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
     """Solve one grid and hold it against what is known exactly.
+
+    Args:
+        spec: annulus, leak, resolution, star, points and samples.
+        seed: of the random points.
+        context: not needed.
 
     Returns:
         T at the star and the points with the exact values; areas; how many of the random points are

@@ -21,7 +21,7 @@ from evaluation.jobs import Context, Work, run_recorded
 from evaluation.studies.common import SMOKE_PLANNER
 from evaluation.studies.field_work import do, learned_case, load_field
 from evaluation.tables import write_table
-from piec_envs.escape.base import BatchedField
+from piec_envs import BatchedField
 
 NOTES = """\
 Relative errors of T in %, against the second-order grid at 200 x 200, median / mean / 95th percentile.

@@ -33,15 +33,22 @@ from evaluation.field_sets import (
 from evaluation.jobs import Context
 from evaluation.studies import PUSH
 from evaluation.studies.work import get_plan, plan_spec
-from piec_envs.errors import WeightsError
-from piec_envs.escape.base import BatchedField
-from piec_envs.escape.grid import GridField
-from piec_envs.escape.network import NetworkField
-from piec_envs.escape.speed import SpeedModel
-from piec_envs.escape.table import TableField
-from piec_envs.escape.training import get_recipe, train_field
-from piec_envs.escape.weights import FieldWeights, array_digest, has_weights, shipped_file
-from piec_envs.world.objects import get_object
+from piec_envs import (
+    BatchedField,
+    FieldWeights,
+    GridField,
+    NetworkField,
+    SpeedModel,
+    TableField,
+    WeightsError,
+    get_object,
+    get_recipe,
+    get_robot,
+    has_weights,
+    make_model,
+    shipped_file,
+    train_field,
+)
 from planners import CagingProblem, CmaEsConfiguration
 
 CAGES = {  # static caging: environment and object, by robot
@@ -55,7 +62,16 @@ FINE_SETS = ("P", "C")
 
 
 def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Score one field on the held-out sets, or on points of the finest grid."""
+    """Score one field on the held-out sets, or on points of the finest grid.
+
+    Args:
+        spec: the field, what it is asked, and the knobs of the sets.
+        seed: of the training, if the field is learned here.
+        context: folder of the study, and threads.
+
+    Returns:
+        The scores by name.
+    """
     knobs = json.dumps({name: spec[name] for name in SET_KNOBS})
     sets = held_out_sets(knobs, context)
     if spec["field"]["kind"] == "bound":
@@ -79,7 +95,15 @@ def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def held_out_sets(knobs: str, context: Context) -> dict[str, PointSet]:
-    """The sets H, U, C and P for some knobs of the study, as JSON."""
+    """The sets H, U, C and P for some knobs of the study.
+
+    Args:
+        knobs: by SET_KNOBS, as JSON.
+        context: folder of the study, and threads.
+
+    Returns:
+        The sets by their letters.
+    """
     given = json.loads(knobs)
     robot_name, threads = given["robot"], context.threads
     return {
@@ -93,12 +117,12 @@ def held_out_sets(knobs: str, context: Context) -> dict[str, PointSet]:
 def _plan_states(given: dict[str, Any], context: Context) -> list[tuple[np.ndarray, np.ndarray]]:
     """Poses and joint positions along the nominal execution of each caging plan."""
     cache = dataclasses.replace(context, folder=str(Path(context.folder).parent))  # plans that studies share
-    env: Any = gym.make(PUSH, escape_field=None, disable_env_checker=True).unwrapped
-    env.reset(seed=0)
+    model = make_model(PUSH, escape_field=None)
+    start = model.reset(0)
     states = []
     for seed in given["planner_seeds"]:
         plan = get_plan(plan_spec(PUSH, {}, {"objective": "caging", **given["planner"]}), seed, cache)
-        motion = env.rollout(env.get_state(), path=plan.path[None, 1:]).motion
+        motion = model.rollout(start, plan.path[None, 1:], absolute=True).motion
         states.append((motion.pose[0], motion.q_r[0]))
     return states
 
@@ -112,7 +136,7 @@ def _closing_states(given: dict[str, Any], context: Context) -> list[tuple[np.nd
     for seed in given["planner_seeds"]:
         pose = env.reset(seed=CLOSING_SEED + seed)[1]["pose"]
         found = optimiser.solve(CagingProblem(given["robot"], item, pose, field, threads=context.threads), seed)
-        path = np.linspace(env.batch.robot.home, found.posture, CLOSING_STATES)
+        path = np.linspace(get_robot(given["robot"]).home, found.posture, CLOSING_STATES)
         states.append((np.repeat(pose[None], CLOSING_STATES, axis=0), path))
     return states
 
@@ -127,15 +151,33 @@ def _cage_env(robot_name: str) -> tuple[Any, str]:
 
 
 def learned_case(robot_name: str, recipe: str) -> dict[str, Any]:
-    """What makes a learned field: how it is trained, and the very weights if they ship."""
+    """What makes a learned field: how it is trained, and the very weights if they ship.
+
+    Args:
+        robot_name: a row of the table of robots.
+        recipe: a row of the table of recipes, after which weights that ship are named.
+
+    Returns:
+        JSON values.
+    """
     case = {"kind": "learned", "recipe": recipe, "settings": get_recipe(recipe).described()}
     if has_weights(robot_name, recipe):
-        case["weights"] = array_digest(FieldWeights.load(shipped_file(robot_name, recipe)).arrays)
+        case["weights"] = FieldWeights.load(shipped_file(robot_name, recipe)).digest
     return case
 
 
 def load_field(case: dict[str, Any], spec: dict[str, Any], seed: int, context: Context) -> BatchedField:
-    """The field of a case; one whose weights neither ship nor lie in the study's folder is trained first."""
+    """The field of a case, trained first if its weights neither ship nor lie in the study's folder.
+
+    Args:
+        case: what makes the field.
+        spec: gives the robot.
+        seed: of the training.
+        context: folder of the study, and threads.
+
+    Returns:
+        The field.
+    """
     robot_name = spec["robot"]
     if case["kind"] == "grid":
         return GridField(robot_name, case["nodes"], case["method"], threads=context.threads)
@@ -177,7 +219,17 @@ def _fine_errors(chosen: BatchedField, sets: dict[str, PointSet]) -> dict[str, A
 
 @lru_cache(maxsize=1)
 def fine_sets(knobs: str, nodes: int, count: int, context: Context) -> dict[str, PointSet]:
-    """Some of the held-out sets, thinned, with a finer grid's answers."""
+    """Some of the held-out sets, thinned, with a finer grid's answers.
+
+    Args:
+        knobs: as in `held_out_sets`.
+        nodes: a side of the finer grid.
+        count: points of each set.
+        context: folder of the study, and threads.
+
+    Returns:
+        The sets by their letters.
+    """
     fine = GridField(json.loads(knobs)["robot"], nodes, "marching", threads=context.threads)
     sets = held_out_sets(knobs, context)
     return {name: thinned(sets[name], count, fine) for name in FINE_SETS}

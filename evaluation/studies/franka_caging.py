@@ -29,9 +29,7 @@ from evaluation.studies.posture_work import (
 )
 from evaluation.studies.workspace_radius import PAPER, least_times, radius_for, write_radii
 from evaluation.tables import write_table
-from piec_envs.escape.field import CAGING_SCALE
-from piec_envs.world.objects import get_object
-from piec_envs.world.robots import get_robot
+from piec_envs import CAGING_SCALE, get_object, get_robot
 
 ROBOT = "franka"
 CLOSE = 0.98  # of what the exhaustive search finds

@@ -47,7 +47,11 @@ PLANNER: Mapping[str, Any] = {
 
 @dataclass(frozen=True)
 class Settings(MethodSettings):
-    """All knobs of the study; see `MethodSettings`."""
+    """All knobs of the study, with its own defaults.
+
+    Args:
+        controls, mismatches, planner: as in `MethodSettings`.
+    """
 
     controls: tuple[str, ...] = (*CONTROLS, *PAPER_CONTROLS)
     mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)

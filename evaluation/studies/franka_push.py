@@ -47,7 +47,11 @@ PLANNER = {"sigma": 0.05, "restarts": 2, "survivors": 1, "robust_samples": 4}
 
 @dataclass(frozen=True)
 class Settings(MethodSettings):
-    """All knobs of the study; see `MethodSettings`."""
+    """All knobs of the study, with its own defaults.
+
+    Args:
+        controls, mismatches, planner: as in `MethodSettings`.
+    """
 
     controls: tuple[str, ...] = (CARRY, *CONTROLS, *PAPER_CONTROLS)
     mismatches: Mapping[str, str] = field(default_factory=lambda: MISMATCHES)

@@ -21,14 +21,24 @@ import numpy as np
 from evaluation.figures import PosturePanel, posture_row
 from evaluation.jobs import Context, Work, run_recorded
 from evaluation.tables import write_atomic, write_table
-from piec_envs.episodes.tasks import FIXED, MOBILE, Task
-from piec_envs.escape.field import CAGING_SCALE, make_field
-from piec_envs.world.robots import get_robot
-from piec_envs.world.robots.franka import BASES, CONTACTS, GEOMETRIES, franka_name
+from piec_envs import (
+    CAGING_SCALE,
+    FRANKA_BASES,
+    FRANKA_CONTACTS,
+    FRANKA_GEOMETRIES,
+    Task,
+    franka_name,
+    get_robot,
+    get_task,
+    make_field,
+)
 from planners import CagingProblem, ExhaustiveConfiguration
 from planners.exhaustive import outer_postures
 
-TASKS: Mapping[str, Task] = {"mobile": MOBILE, "fixed": FIXED}  # by base
+TASKS: Mapping[str, Task] = {  # by base
+    "mobile": get_task("mobile_franka_push"),
+    "fixed": get_task("franka_push"),
+}
 KINDS = {"whole_arm": ("cage", "open")}  # of starts; others have a cage alone
 RIGHT_ANGLES = (-np.pi / 2, np.pi / 2)  # q4, q6 of "open"
 CLEARANCE = 1e-3  # m, between arm and object
@@ -51,9 +61,9 @@ class Settings:
         table: arguments of the table field.
     """
 
-    bases: tuple[str, ...] = tuple(reversed(BASES))
-    contacts: tuple[str, ...] = tuple(CONTACTS)
-    geometries: tuple[str, ...] = tuple(GEOMETRIES)
+    bases: tuple[str, ...] = tuple(reversed(FRANKA_BASES))
+    contacts: tuple[str, ...] = tuple(FRANKA_CONTACTS)
+    geometries: tuple[str, ...] = tuple(FRANKA_GEOMETRIES)
     search: Mapping[str, Mapping[str, Any]] = field(
         default_factory=lambda: {
             "mobile": {"headings": 1, "spacing": 0.1, "offset": 0.04},
@@ -98,7 +108,16 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
 
 
 def make_work(settings: Settings, base: str, geometry: str, contact: str, kind: str) -> Work:
-    """One static problem."""
+    """One static problem.
+
+    Args:
+        settings: the knobs.
+        base, geometry, contact: words as in `franka`.
+        kind: "cage" for the best posture, "open" for the best with elbow and wrist at right angles.
+
+    Returns:
+        The piece of work.
+    """
     task, robot = TASKS[base], franka_name(base, contact, geometry)
     spec = {
         "work": "start",
@@ -115,6 +134,11 @@ def make_work(settings: Settings, base: str, geometry: str, contact: str, kind: 
 
 def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
     """Solve one static problem and turn the arm towards the goal.
+
+    Args:
+        spec: from `make_work`.
+        seed: of the search.
+        context: threads.
 
     Returns:
         The posture, its caging, that of the place alone, and the arm's distance to the object, m.

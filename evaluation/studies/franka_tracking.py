@@ -35,9 +35,9 @@ from evaluation.studies.contact_methods import OPEN, SMALL_TABLE
 from evaluation.studies.franka_push import MISMATCHES, PLANNER
 from evaluation.studies.mismatch import evaluate_all, executed
 from evaluation.studies.mismatch import mismatch_rows as plant_rows
-from evaluation.studies.pictures import first_trajectories, over_plans, trajectory_env
+from evaluation.studies.pictures import case_setup, first_trajectories, over_plans
 from evaluation.tables import write_table
-from piec_envs.episodes.tasks import PAPER_REFERENCE_POINTS, TRACKING_TOLERANCE, CostWeights
+from piec_envs import PAPER_REFERENCE_POINTS, TRACKING_TOLERANCE, CostWeights
 
 ENV = "piec_envs/MobileFrankaTrack-v0"
 POSTURES: Mapping[str, Mapping[str, Any]] = {"cage": {}, "open": OPEN}  # at the start; the first is the task's own
@@ -105,7 +105,16 @@ class Settings:
         )
 
     def case(self, posture: str, side: str, ratio: float) -> Case:
-        """Planning from one posture along one arc with one ratio."""
+        """Planning from one posture along one arc with one ratio.
+
+        Args:
+            posture: a key of POSTURES.
+            side: the arc.
+            ratio: lambda, the weight of the tracking error over that of the caging.
+
+        Returns:
+            The case.
+        """
         weights = {"task": ratio * CostWeights().prior}
         env_kwargs = {**self.env_kwargs, **POSTURES[posture], "reference": side, "weights": weights}
         return Case(f"{side}, lambda {ratio:g}", {**self.planner, "objective": "caging"}, env_kwargs, ENV)
@@ -168,7 +177,7 @@ def _row(
     study: StudyRun, posture: str, side: str, ratio: float, case: Case, results: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     """How well the plans of one ratio track and cage without noise."""
-    reference = trajectory_env(case).batch.task.reference  # (N + 1, 2)
+    reference = case_setup(case).task.reference  # (N + 1, 2)
     points = reference[np.linspace(0, len(reference) - 1, PAPER_REFERENCE_POINTS).astype(int)]
     paths = [study.load_evaluation(case, seed, "nominal").pose for seed in study.seeds]  # (1, N + 1, 3) each
     shortest = [np.hypot(*(path[0, 1:, None, :2] - points).transpose(2, 0, 1)).min(axis=1).mean() for path in paths]
@@ -201,7 +210,15 @@ def _rank_row(
 
 
 def rank_correlation(first: Sequence[float], second: np.ndarray) -> float | None:
-    """Spearman's rank correlation; None where the second does not vary."""
+    """Spearman's rank correlation.
+
+    Args:
+        first: numbers.
+        second: as many, shape (k,).
+
+    Returns:
+        The correlation, in [-1, 1]; None where the second does not vary.
+    """
     return float(spearmanr(first, second).statistic) if np.ptp(second) > 0 else None
 
 

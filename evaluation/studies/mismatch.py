@@ -12,7 +12,7 @@ from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.protocols import get_protocol
 from evaluation.studies.common import Case, StudyRun, column, executions
 from evaluation.studies.paper import all_notes
-from evaluation.studies.pictures import first_trajectories, over_plans, trajectory_env
+from evaluation.studies.pictures import case_setup, first_trajectories, over_plans
 from evaluation.tables import Estimate, Rates, write_table
 
 Results = Mapping[str, list[list[dict[str, Any]]]]  # protocol -> for each case the results of `evaluate_once`
@@ -41,7 +41,16 @@ def with_starts(protocols: Sequence[str]) -> list[str]:
 
 
 def evaluate_all(study: StudyRun, cases: Sequence[Case], protocols: Sequence[str]) -> Results:
-    """Evaluate all plans under protocols and their twins with drawn starts."""
+    """Evaluate all plans under protocols and their twins with drawn starts.
+
+    Args:
+        study: the run.
+        cases: whose plans.
+        protocols: names, without the twins'.
+
+    Returns:
+        By protocol, twins included, what `StudyRun.evaluate` returns.
+    """
     return {name: study.evaluate(cases, name) for name in with_starts(protocols)}
 
 
@@ -63,12 +72,28 @@ def success_rate(results: Sequence[Mapping[str, Any]], twin: str = "") -> Interv
 
 
 def estimate(results: Sequence[Mapping[str, Any]], name: str) -> Estimate:
-    """Mean of a quantity over plans, with a bootstrap."""
+    """Mean of a quantity over plans, with a bootstrap.
+
+    Args:
+        results: one for each plan.
+        name: of the quantity in a result.
+
+    Returns:
+        The mean and the bounds of its interval.
+    """
     return Estimate(*bootstrap_interval(column(results, name)))
 
 
 def mismatch_rows(cases: Sequence[Case], results: Results) -> list[dict[str, Any]]:
-    """Rows of the table: protocols by cases, each beside its unperturbed twin."""
+    """Rows of the table: protocols by cases, each beside its unperturbed twin.
+
+    Args:
+        cases: what is compared.
+        results: from `evaluate_all`.
+
+    Returns:
+        The rows.
+    """
     return [
         {"protocol": protocol, "objective": case.title, **mismatch_columns(executed)}
         for protocol, by_case in results.items()
@@ -121,7 +146,16 @@ def shortfalls(cases: Sequence[Case], results: Results, label: str = "caging") -
 
 
 def notes(cases: Sequence[Case], results: Results, *own: str) -> str:
-    """Notes of a table: the study's own, what is shared, and where caging falls short."""
+    """Notes of a table: the study's own, what is shared, and where caging falls short.
+
+    Args:
+        cases: what is compared.
+        results: from `evaluate_all`.
+        own: paragraphs of the study.
+
+    Returns:
+        The text.
+    """
     return "\n\n".join(filter(None, [*own, NOTES, shortfalls(cases, results)]))
 
 
@@ -177,7 +211,17 @@ def draw_mismatch(
 
 
 def executed(study: StudyRun, case: Case, protocol: str, label: str) -> Executed:
-    """The first seed's plan from the task's start under a protocol."""
-    own = trajectory_env(case).config.object
+    """The first seed's plan from the task's start under a protocol.
+
+    Args:
+        study: the run.
+        case: whose plan.
+        protocol: its name.
+        label: what figures call the execution.
+
+    Returns:
+        What the object did, and which object it was.
+    """
+    own = case_setup(case).plant.object
     plant = get_protocol(protocol).env_kwargs({"object": own, **case.env_kwargs})
     return Executed(label, plant["object"], study.load_evaluation(case, study.seeds[0], protocol).pose[0])

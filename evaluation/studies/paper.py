@@ -7,7 +7,7 @@ from typing import Any
 
 from evaluation.studies import PUSH
 from evaluation.studies.common import Case
-from piec_envs.episodes.tasks import PAPER_PRESETS
+from piec_envs import PAPER_PRESETS
 
 # The paper's budget (appendix A.2.1), whatever a study plans with otherwise: one search of 100 iterations with 50
 # samples over 5 via points. It names no first step size and no first guess: sigma = 0.2 rad or m and a guess at rest
@@ -43,16 +43,35 @@ def paper_case(label: str, preset: str, objective: str, env_kwargs: Mapping[str,
         objective: row of the table of objectives.
         env_kwargs: keyword arguments of the environment beside the preset.
         env_id: id of the environment.
+
+    Returns:
+        The case.
     """
     planner = {**PAPER_PLANNER, "preset": preset, "objective": objective}
     return Case(f"{label}, {preset}", planner, {**env_kwargs, "preset": preset}, env_id)
 
 
 def paper_cases(objectives: Sequence[str], env_kwargs: Mapping[str, Any]) -> list[Case]:
-    """Objectives with the paper's budget: to the letter, then with the weight on a miss."""
+    """Objectives with the paper's budget: to the letter, then with the weight on a miss.
+
+    Args:
+        objectives: rows of the table of objectives.
+        env_kwargs: keyword arguments of the environment beside the preset.
+
+    Returns:
+        The cases.
+    """
     return [paper_case(name, preset, name, env_kwargs) for preset in PAPER_PRESETS for name in objectives]
 
 
 def all_notes(notes: str, paper: Sequence[str]) -> str:
-    """Notes of a table, and what the paper's rows are, where it has any."""
+    """Notes of a table, and what the paper's rows are, where it has any.
+
+    Args:
+        notes: the study's own.
+        paper: the objectives that have such rows.
+
+    Returns:
+        The text.
+    """
     return f"{notes}\n\n{PAPER_NOTES}" if paper else notes

@@ -103,7 +103,18 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
 
 
 def make_work(settings: Settings, field_name: str, pose_seed: int, method: Method, start: int) -> Work:
-    """One optimisation from one start."""
+    """One optimisation from one start.
+
+    Args:
+        settings: the knobs.
+        field_name: a row of the table of fields.
+        pose_seed: reset seed of the environment that draws the object's pose.
+        method: the optimiser.
+        start: number of the start, which seeds it.
+
+    Returns:
+        The piece of work.
+    """
     env: Any = gym.make(CAGE, object=settings.object, disable_env_checker=True).unwrapped
     pose = env.reset(seed=pose_seed)[1]["pose"]
     spec = {
@@ -119,7 +130,16 @@ def make_work(settings: Settings, field_name: str, pose_seed: int, method: Metho
 
 
 def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Optimise from one start and judge the result."""
+    """Optimise from one start and judge the result.
+
+    Args:
+        spec: from `make_work`.
+        seed: of the start and of the search.
+        context: threads.
+
+    Returns:
+        What `search_posture` returns.
+    """
     return search_posture(ROBOT, spec, seed, context)
 
 
@@ -127,7 +147,15 @@ def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
 
 
 def make_rows(settings: Settings, by_case: Mapping[Any, Records]) -> list[dict[str, Any]]:
-    """One row for each field, method and pose, and one for all poses together."""
+    """One row for each field, method and pose, and one for all poses together.
+
+    Args:
+        settings: the knobs.
+        by_case: records of all starts by field, pose's seed and method.
+
+    Returns:
+        The rows.
+    """
     rows = []
     for name in settings.fields:
         best = [best_judged(by_case[name, seed, settings.methods[0]]) for seed in settings.poses]

@@ -21,7 +21,7 @@ from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER
 from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
 from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
-from piec_envs.world.objects import Object, get_object
+from piec_envs import Object, get_object
 
 NOTES = "`nominal` is the case without mismatch: the object that the plans are made for."
 SHAPE_NOTES = """\

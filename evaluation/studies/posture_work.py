@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.jobs import Context
-from piec_envs.escape.field import CAGING_SCALE, make_field
+from piec_envs import CAGING_SCALE, make_field
 from planners import CagingProblem, CmaEsConfiguration, ExhaustiveConfiguration, SqpConfiguration
 from planners.configuration import draw_postures
 
@@ -26,7 +26,13 @@ Records = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True, eq=False)  # hashed by identity
 class Method:
-    """One optimiser with its arguments, and how tables call it."""
+    """One optimiser with its arguments, and how tables call it.
+
+    Args:
+        label: what tables call it.
+        name: a key of OPTIMISERS.
+        options: its arguments, where they are not the defaults.
+    """
 
     label: str
     name: str

@@ -21,7 +21,7 @@ from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.studies.agent_work import LOOPS, AgentCase, training_seconds
 from evaluation.studies.common import DO, PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun, column, executions, mode_cases
 from evaluation.tables import write_table
-from piec_envs.episodes.tasks import get_task
+from piec_envs import get_task
 from planners import CmaEsPlanner
 
 ROBUST = {
@@ -152,13 +152,30 @@ CAGING = "Caging, mean over time"
 
 
 def agent_case(settings: Settings, label: str, loop: str) -> AgentCase:
-    """One training, executed closed or open loop."""
+    """One training, executed closed or open loop.
+
+    Args:
+        settings: the knobs.
+        label: of the training, a key of `settings.trainings`.
+        loop: "closed" or "open".
+
+    Returns:
+        The case.
+    """
     algo, changes = settings.trainings[label]
     return AgentCase(label, algo, loop, {**settings.env_kwargs, **changes}, settings.hyper, settings.env_kwargs)
 
 
 def train_all(study: StudyRun, cases: Sequence[AgentCase]) -> dict[str, list[dict[str, Any]]]:
-    """Train every agent with every seed; by label the results of `train_once`."""
+    """Train every agent with every seed.
+
+    Args:
+        study: the run.
+        cases: one for each training.
+
+    Returns:
+        By label the results of `train_once`, one for each seed.
+    """
     works = [case.train_work(seed) for case in cases for seed in study.seeds]
     label = "training" if study.progress else ""
     records = run_recorded(DO, works, study.out_dir / "records.jsonl", study.jobs, study.context, label)
@@ -168,7 +185,15 @@ def train_all(study: StudyRun, cases: Sequence[AgentCase]) -> dict[str, list[dic
 
 
 def plan_cost(study: StudyRun, case: Case) -> dict[str, Any]:
-    """Control steps and minutes that a plan took."""
+    """Control steps and minutes that a plan took.
+
+    Args:
+        study: the run.
+        case: whose plans.
+
+    Returns:
+        "million steps", and "minutes" on average over the seeds.
+    """
     horizon = get_task("planar_arm_push").horizon
     works = [case.plan_work(seed) for seed in study.seeds]
     records = run_recorded(DO, works, study.out_dir / "records.jsonl", 1, study.context)
@@ -177,7 +202,16 @@ def plan_cost(study: StudyRun, case: Case) -> dict[str, Any]:
 
 
 def agent_cost(study: StudyRun, case: AgentCase, trained: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Control steps and minutes that the training of an agent took."""
+    """Control steps and minutes that the training of an agent took.
+
+    Args:
+        study: the run.
+        case: the training.
+        trained: results of `train_once`, one for each seed.
+
+    Returns:
+        "million steps" and "minutes", each on average over the seeds.
+    """
     seconds = [training_seconds(case.train_work(seed).spec, seed, study.context) for seed in study.seeds]
     steps = case.action_repeat * column(trained, "steps").mean()
     return {"million steps": float(steps / 1e6), "minutes": float(np.mean(seconds) / 60)}
@@ -193,7 +227,17 @@ def success(results: Sequence[Mapping[str, Any]]) -> Interval:
 def means(
     named: Sequence[Mapping[str, Any]], results: Mapping[str, Any], protocols: Mapping[str, str], name: str
 ) -> list[dict[str, Any]]:
-    """Rows with the mean of one number over all executions under each protocol."""
+    """Rows with the mean of one number over all executions under each protocol.
+
+    Args:
+        named: the first columns of each row.
+        results: by protocol, for each row the results of `evaluate_once`.
+        protocols: names, and what the columns are called.
+        name: of the number in a result.
+
+    Returns:
+        The rows.
+    """
     rows = []
     for i, method in enumerate(named):
         columns = {title: results[key][i] for key, title in protocols.items()}

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from evaluation.jobs import Context
@@ -23,7 +22,7 @@ from evaluation.protocols import get_protocol
 from evaluation.records import work_key
 from evaluation.rollout import evaluate
 from evaluation.studies.agent_work import agent_policy, train_once
-from piec_envs.errors import PlanError, RecordError, check_name
+from piec_envs import PlanError, RecordError, check_name, make_model
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import crossing
 
@@ -39,6 +38,9 @@ def plan_spec(env_id: str, env_kwargs: Mapping[str, Any], planner: Mapping[str, 
         env_kwargs: keyword arguments of the nominal model.
         planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; the defaults
             are filled in, so that a change of them counts.
+
+    Returns:
+        The spec, JSON values.
     """
     name = {"name": planner["name"]} if "name" in planner else {}
     full = {**name, **dataclasses.asdict(make_planner(planner))}
@@ -61,6 +63,9 @@ def evaluation_spec(plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], prot
         env_kwargs: keyword arguments of the plant.
         protocol: name of the protocol.
         episodes: how many.
+
+    Returns:
+        The spec, JSON values.
     """
     return {
         "work": "evaluate",
@@ -72,7 +77,16 @@ def evaluation_spec(plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], prot
 
 
 def plan_file(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
-    """Where the plan of a spec and seed is cached."""
+    """Where a plan is cached.
+
+    Args:
+        folder: of all studies.
+        spec: from `plan_spec`.
+        seed: the planner's.
+
+    Returns:
+        The path, whether it is there or not.
+    """
     planner = spec["planner"]
     words = [planner[word] for word in ("name", "objective", "preset") if word in planner]
     name = "-".join([*words, f"seed{seed}", f"{work_key(spec, seed)[:8]}.npz"])
@@ -80,12 +94,30 @@ def plan_file(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
 
 
 def rollout_file(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path:
-    """Where the thinned arrays of an evaluation are kept."""
+    """Where the thinned arrays of an evaluation are kept.
+
+    Args:
+        folder: of all studies.
+        spec: from `evaluation_spec`.
+        seed: the planner's.
+
+    Returns:
+        The path, whether it is there or not.
+    """
     return Path(folder) / "rollouts" / f"{work_key(spec, seed)}.npz"
 
 
 def get_plan(spec: Mapping[str, Any], seed: int, context: Context) -> Plan:
-    """The cached plan, or a new one."""
+    """The cached plan, or a new one.
+
+    Args:
+        spec: from `plan_spec`.
+        seed: the planner's.
+        context: folder of all studies, threads and progress.
+
+    Returns:
+        The plan, which is in the cache from then on.
+    """
     file = plan_file(context.folder, spec, seed)
     try:
         return Plan.load(file)
@@ -101,7 +133,16 @@ def get_plan(spec: Mapping[str, Any], seed: int, context: Context) -> Plan:
 
 
 def get_policy(spec: Mapping[str, Any], seed: int, context: Context) -> Any:
-    """The policy that an evaluation executes: a plan's, or a trained agent's."""
+    """The policy that an evaluation executes: a plan's, or a trained agent's.
+
+    Args:
+        spec: of the evaluation.
+        seed: of the planner or the training.
+        context: folder of all studies, threads and progress.
+
+    Returns:
+        The policy.
+    """
     if spec["plan"]["work"] == "train":
         return agent_policy(spec, seed, context)
     return OpenLoopPolicy(get_plan(spec["plan"], seed, context))
@@ -111,6 +152,14 @@ def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Eval
     """An evaluation at full time resolution; its thinned arrays are left as a file.
 
     Episode i has the seed 1000 * seed + i: independent from plan to plan, alike for every objective.
+
+    Args:
+        spec: of the evaluation.
+        seed: of the planner or the training.
+        context: folder of all studies, threads and progress.
+
+    Returns:
+        The evaluation.
     """
     plant = {**spec["env_kwargs"], "threads": context.threads}
     policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
@@ -123,7 +172,16 @@ def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Eval
 
 
 def drawn_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
-    """An evaluation for figures, from its thinned file if there is one."""
+    """An evaluation for figures, from its thinned file if there is one.
+
+    Args:
+        spec: of the evaluation.
+        seed: of the planner or the training.
+        context: folder of all studies, threads and progress.
+
+    Returns:
+        The evaluation; steps that the file leaves out are filled in, as `Evaluation.expanded` does.
+    """
     try:
         return Evaluation.load(rollout_file(context.folder, spec, seed)).expanded()
     except RecordError:
@@ -133,14 +191,18 @@ def drawn_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Ev
 def plan_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
     """Plan, or find the cached plan.
 
+    Args:
+        spec: from `plan_spec`.
+        seed: the planner's.
+        context: folder of all studies, threads and progress.
+
     Returns:
         The plan's file name, cost, nominal measures, and how far the arm overlaps itself along it (m,
         added up over every tenth step).
     """
     plan = get_plan(spec, seed, context)
     bare = {**spec["env_kwargs"], "escape_field": None}
-    env: Any = gym.make(spec["env_id"], disable_env_checker=True, **bare).unwrapped
-    overlap = float(crossing(env.batch, plan.path[None, 1:])[0])
+    overlap = float(crossing(make_model(spec["env_id"], **bare), plan.path[None, 1:])[0])
     file = plan_file(context.folder, spec, seed).name
     return {"file": file, "cost": plan.cost, "nominal": plan.nominal, "crossing": overlap}
 
@@ -150,6 +212,11 @@ def evaluate_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str
 
     Row i is compared with the twin's row of the same seed, hence of the same drawn start; a twin
     that draws nothing is one execution, with which all rows are compared.
+
+    Args:
+        spec: of the evaluation.
+        seed: of the planner or the training.
+        context: folder of all studies, threads and progress.
 
     Returns:
         What `summarise` returns; `deviation`: the object's largest distance from where the twin has
@@ -181,5 +248,14 @@ def _unperturbed(spec: Mapping[str, Any], seed: int, context: Context) -> Evalua
 
 
 def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Do whichever of the three the spec names."""
+    """Do whichever of the three the spec names.
+
+    Args:
+        spec: of a plan, a training or an evaluation.
+        seed: its seed.
+        context: folder of all studies, threads and progress.
+
+    Returns:
+        What `plan_once`, `train_once` or `evaluate_once` returns.
+    """
     return {"plan": plan_once, "train": train_once, "evaluate": evaluate_once}[spec["work"]](spec, seed, context)

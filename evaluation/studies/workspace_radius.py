@@ -14,10 +14,7 @@ import numpy as np
 
 from evaluation.jobs import Context, Work, run_recorded
 from evaluation.tables import write_table
-from piec_envs.escape.field import CAGING_SCALE, key_points_world, make_field
-from piec_envs.escape.speed import SpeedModel
-from piec_envs.world.objects import get_object
-from piec_envs.world.robots import get_robot
+from piec_envs import CAGING_SCALE, SpeedModel, get_object, get_robot, key_points_world, make_field
 
 PAPER = {"water_jug": (0.95, 0.95), "box": (0.93, 0.84), "paper_pack": (0.80, 0.66)}  # Table 1: mean, min
 RISE = CAGING_SCALE / SpeedModel().u_bar  # of the caging with the radius, 1/m
@@ -34,6 +31,9 @@ def least_times(record: Mapping[str, Any], radius: float | None = None) -> np.nd
     Args:
         record: of a search.
         radius: of the workspace, m; None takes the robot's.
+
+    Returns:
+        (R - |p|) / u_bar, shape (k,), s.
     """
     return ((radius or own_radius(record)) - np.hypot(*_key_points(record["spec"]).T)) / SpeedModel().u_bar
 
@@ -49,7 +49,15 @@ def mean_caging(record: Mapping[str, Any]) -> float:
 
 
 def radius_for(record: Mapping[str, Any], caging: float) -> float:
-    """The radius of the workspace at which a record's posture would have this mean caging, m."""
+    """The radius of the workspace at which a record's posture would have some mean caging.
+
+    Args:
+        record: of a search.
+        caging: the mean over key points.
+
+    Returns:
+        The radius, m, if caging rises as in free space.
+    """
     return own_radius(record) + (caging - mean_caging(record)) / RISE
 
 
@@ -87,7 +95,16 @@ def _work(record: Mapping[str, Any], radius: float, judge: int) -> Work:
 
 
 def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Escape times of the key points of one posture in a workspace of some radius; nothing is drawn."""
+    """Escape times of the key points of one posture in a workspace; nothing is drawn.
+
+    Args:
+        spec: robot, object, pose, posture, radius (m), and resolution (nodes a side).
+        seed: not needed.
+        context: threads.
+
+    Returns:
+        "T", shape (k,), s.
+    """
     options = {"resolution": spec["resolution"], "radius": spec["radius"], "method": "marching"}
     escape = make_field("grid", spec["robot"], threads=context.threads, **options)
     return {"T": escape.query(_key_points(spec), np.array(spec["posture"]))}
@@ -105,6 +122,9 @@ def radius_rows(best: Mapping[str, Any], radii: Sequence[float], times: Sequence
         best: the record of each object's posture.
         radii: of the workspaces, m.
         times: T at the key points, s, for each object and radius.
+
+    Returns:
+        The rows.
     """
     rows = []
     answers = iter(times)

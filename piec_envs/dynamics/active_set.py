@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.dynamics.rigid import FAILED, give_way, is_answer
-from piec_envs.kernels import batch_kernel, kernel
+from piec_envs.kernels import batch_kernel, inlined_kernel, kernel
 
 VIOLATION_TOLERANCE = 1e-13  # m
 LANES = 16  # loops over rows run to a multiple of this, since a compiler's vector loop leaves out the remainder
@@ -51,7 +51,7 @@ def make_dual(weight, m):
     )
 
 
-@kernel
+@inlined_kernel
 def _scale_rows(rows, m, compliance, dual):
     """Columns of A Q^-1/2; returns c, the compliance times the largest entry of A Q^-1 A^T."""
     largest = 0.0
@@ -65,7 +65,7 @@ def _scale_rows(rows, m, compliance, dual):
     return compliance * largest
 
 
-@kernel
+@inlined_kernel
 def _values(r, m, p, dual):
     """Values r + A Q^-1 A^T lambda of all constraints, from the p passive multipliers."""
     for i in range(m):
@@ -81,7 +81,7 @@ def _values(r, m, p, dual):
             dual.value[i] += step * dual.columns[j, i]
 
 
-@kernel
+@inlined_kernel
 def _enter(i, p, c, dual):
     """Append row i to the passive set: its entries of G."""
     dual.passive[p] = i
@@ -93,7 +93,7 @@ def _enter(i, p, c, dual):
     dual.G[i, i] += c
 
 
-@kernel
+@inlined_kernel
 def _factor(r, begin, p, dual):
     """Rows begin to p - 1 of the Cholesky factor of G on the passive set, and of its forward solution."""
     L, passive = dual.L, dual.passive
@@ -112,7 +112,7 @@ def _factor(r, begin, p, dual):
         dual.forward[i] = forward * dual.inverse[i]
 
 
-@kernel
+@inlined_kernel
 def _substitute(p, dual):
     """Minimiser z on the passive set: L^T z = forward."""
     L, z = dual.L, dual.z
@@ -124,7 +124,7 @@ def _substitute(p, dual):
             z[j] -= L[i, j] * z[i]
 
 
-@kernel
+@inlined_kernel
 def _step_inside(p, dual):
     """Share of the way from the multipliers to z on which none turns negative; above 1 if none does."""
     share = np.inf
@@ -136,7 +136,7 @@ def _step_inside(p, dual):
     return share
 
 
-@kernel
+@inlined_kernel
 def _leave(share, p, dual):
     """Go that share of the way to z and drop the rows whose multipliers reach 0.
 
@@ -157,7 +157,7 @@ def _leave(share, p, dual):
     return (kept if begin < 0 else begin), kept
 
 
-@kernel
+@inlined_kernel
 def _minimise(r, begin, p, whole, dual):
     """Minimise on the passive set, dropping rows that turn negative.
 
@@ -182,7 +182,7 @@ def _minimise(r, begin, p, whole, dual):
         begin, p = _leave(1.0 if whole else share, p, dual)
 
 
-@kernel
+@inlined_kernel
 def _most_violated(m, blocked, dual):
     """The row with the least value of those that do not press, -1 where none is violated."""
     found, worst = -1, -VIOLATION_TOLERANCE
@@ -192,7 +192,7 @@ def _most_violated(m, blocked, dual):
     return found
 
 
-@kernel
+@inlined_kernel
 def _start(r, m, c, dual):
     """Multipliers of the violated rows alone, less those that would pull; returns the passive set's size.
 
@@ -227,7 +227,7 @@ def _solve_rigid(r, m, dual):
     return FAILED
 
 
-@kernel
+@inlined_kernel
 def solve_dual(rows, m, compliance, r, guess, dual):
     """Exact active-set solution of min 1/2 x^T G x + x^T r over x >= 0 (Lawson and Hanson 1974).
 

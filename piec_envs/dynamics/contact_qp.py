@@ -55,7 +55,13 @@ class ContactProblem:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """The step dq, shape (d,), the multipliers lambda, shape (m,), and whether the solver says that they solve it."""
+    """The answer to a contact problem.
+
+    Args:
+        step: dq, shape (d,), rad or m.
+        multipliers: lambda, shape (m,), one for each row of A.
+        solved: whether the solver says that they solve it.
+    """
 
     step: np.ndarray
     multipliers: np.ndarray

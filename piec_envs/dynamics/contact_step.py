@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.dynamics.active_set import DualScratch, make_dual, solve_dual
-from piec_envs.dynamics.base import CONTROL_PERIOD, POSITION_LIMIT, TOUCH_DISTANCE
+from piec_envs.dynamics.contact_model import ContactModel
 from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
+from piec_envs.dynamics.protocol import CONTROL_PERIOD, POSITION_LIMIT, TOUCH_DISTANCE
 from piec_envs.dynamics.rigid import FAILED
-from piec_envs.geometry.distance import link_distances, make_pairs
-from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
-from piec_envs.kernels import batch_kernel, kernel
+from piec_envs.geometry.body import Placed, make_placed, place_scene
+from piec_envs.held import Held
+from piec_envs.kernels import batch_kernel, inlined_kernel, kernel
+from piec_envs.world.packed import Scene
 
 MASS_MATRIX = (0.1, 0.1, 0.042)  # M_o: the QP's regulariser, not a physical inertia
 REGULARISER = 10.0  # epsilon
@@ -21,40 +23,10 @@ SHORT_LEVER = 0.02  # m; at which joints can push an overlap out where nothing g
 ROUNDING = 1e-6  # of the energy of a step
 
 
-class ContactModel(NamedTuple):
-    """Settings of the quasi-dynamic model.
-
-    Args:
-        own_inertia: whether the object turns as an even solid of its shape, M_o,theta = M_o,x rho^2 with rho its
-            radius of gyration, instead of with the paper's 0.042, which is far stiffer for all our objects;
-            each row's plant says so.
-        compliance: c relative to the largest diagonal entry of the dual matrix; 0 is rigid.
-        push_out: largest overlap that one step resolves, m.
-        state_noise: whether a displacement moves the pose before the QP (the paper's literal
-            reading) instead of entering the QP as the object's free motion.
-        unlimited_lead: whether the command may run ahead of a stalled joint without limit.
-    """
-
-    compliance: float = 1e-4
-    push_out: float = 0.01
-    state_noise: bool = False
-    unlimited_lead: bool = False
-    own_inertia: bool = False
-
-
-PAPER_MODEL = ContactModel(compliance=0.0, unlimited_lead=True)
-
-
-class _Workspace(NamedTuple):
+class Workspace(NamedTuple):
     """Scratch of one thread, so that no step allocates."""
 
-    frames: np.ndarray  # (n + 1, 4)
-    object_frame: np.ndarray  # (1, 4)
-    robot_vertices: np.ndarray
-    robot_centres: np.ndarray
-    object_vertices: np.ndarray
-    object_centres: np.ndarray
-    pairs: np.ndarray  # of `link_distances`
+    placed: Placed
     contacts: Contacts
     weight: np.ndarray  # (n + 3,) diagonal of Q
     free: np.ndarray  # (n + 3,) Q^-1 b
@@ -66,21 +38,15 @@ class _Workspace(NamedTuple):
 @batch_kernel
 def make_workspace(scene, model):
     """Scratch for one scene and model."""
-    n, m = scene.stiffness.shape[0], 2 * MAX_CONTACTS
+    n, m = scene.robot.stiffness.shape[0], 2 * MAX_CONTACTS
     weight = np.empty(n + 3)
-    weight[:n] = scene.stiffness
+    weight[:n] = scene.robot.stiffness
     for i in range(3):
         weight[n + i] = REGULARISER * MASS_MATRIX[i] / CONTROL_PERIOD**2
     if model.own_inertia:
-        weight[n + 2] = weight[n] * scene.gyration**2
-    return _Workspace(
-        np.empty((n + 1, 4)),
-        np.empty((1, 4)),
-        np.empty_like(scene.robot.vertices),
-        np.empty_like(scene.robot.centre),
-        np.empty_like(scene.object.vertices),
-        np.empty_like(scene.object.centre),
-        make_pairs(scene),
+        weight[n + 2] = weight[n] * scene.object.gyration**2
+    return Workspace(
+        make_placed(scene),
         make_contacts(),
         weight,
         np.empty(n + 3),
@@ -90,42 +56,32 @@ def make_workspace(scene, model):
     )
 
 
-@kernel
-def place(scene, q, pose, work, distance):
-    """World geometry of one state, and its link distances (links,), m."""
-    link_frames(scene, q, work.frames)
-    place_shapes(scene.robot, work.frames, work.robot_vertices, work.robot_centres)
-    pose_frame(pose, work.object_frame)
-    place_shapes(scene.object, work.object_frame, work.object_vertices, work.object_centres)
-    link_distances(scene, work.robot_vertices, work.object_vertices, work.pairs, distance)
-
-
-@kernel
+@inlined_kernel
 def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
     """q_cmd <- q_cmd + h u, at most max_lead from the joint and within the joint limits."""
     for j in range(q.shape[0]):
         a = target[j]
         if absolute:
-            a = (target[j] - q_cmd[j]) / (CONTROL_PERIOD * scene.speed_limit[j])
+            a = (target[j] - q_cmd[j]) / (CONTROL_PERIOD * scene.robot.speed_limit[j])
         a = min(max(a, -1.0), 1.0)
         action[j] = a
-        command = q_cmd[j] + CONTROL_PERIOD * (a * scene.speed_limit[j])
+        command = q_cmd[j] + CONTROL_PERIOD * (a * scene.robot.speed_limit[j])
         if not model.unlimited_lead:
-            command = min(max(command, q[j] - scene.max_lead[j]), q[j] + scene.max_lead[j])
-        new_cmd[j] = min(max(command, scene.lower[j]), scene.upper[j])
+            command = min(max(command, q[j] - scene.robot.max_lead[j]), q[j] + scene.robot.max_lead[j])
+        new_cmd[j] = min(max(command, scene.robot.lower[j]), scene.robot.upper[j])
 
 
-@kernel
+@inlined_kernel
 def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
     """Contacts, rows A and values A Q^-1 b + phi of this step; returns the number of rows."""
     n = q.shape[0]
     margin = np.sqrt(w_x * w_x + w_y * w_y)
     for j in range(n):
         work.free[j] = q_cmd[j] - q[j]
-        margin += scene.reach[j] * max(abs(work.free[j]), CONTROL_PERIOD * scene.speed_limit[j])
+        margin += scene.robot.reach[j] * max(abs(work.free[j]), CONTROL_PERIOD * scene.robot.speed_limit[j])
     work.free[n], work.free[n + 1], work.free[n + 2] = w_x, w_y, 0.0
-    find_contacts(scene, work.robot_vertices, work.object_vertices, work.pairs, MARGIN_FACTOR * margin, work.contacts)
-    contact_rows(scene, work.frames, pose, work.contacts, friction, work.rows)
+    find_contacts(scene, work.placed, MARGIN_FACTOR * margin, work.contacts)
+    contact_rows(scene, work.placed.frames, pose, work.contacts, friction, work.rows)
     for i in range(2 * work.contacts.number[0]):
         value = max(work.contacts.gap[i // 2], -model.push_out)
         for j in range(n + 3):
@@ -134,7 +90,7 @@ def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
     return 2 * work.contacts.number[0]
 
 
-@kernel
+@inlined_kernel
 def is_physical(model, m, work, gain, push):
     """Whether lead, displacement and push-out can bring a step: contacts alone bring none, but for overlaps.
 
@@ -167,13 +123,13 @@ def is_physical(model, m, work, gain, push):
     return gain <= bound + ROUNDING * (free + bound) + ROUNDING * ROUNDING  # not if it is not a number
 
 
-@kernel
+@inlined_kernel
 def is_within_bounds(pose):
     """Whether an object is where observations reach; what is not finite is not."""
     return abs(pose[0]) <= POSITION_LIMIT and abs(pose[1]) <= POSITION_LIMIT and abs(pose[2]) < np.inf
 
 
-@kernel
+@inlined_kernel
 def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
     """Solve the QP and integrate; returns the number of positive multipliers, FAILED where no answer is to be had."""
     n = q_cmd.shape[0]
@@ -206,7 +162,7 @@ def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
     return active if is_within_bounds(new_pose) else FAILED
 
 
-@kernel
+@inlined_kernel
 def _touch(distance, contact):
     """Add the links within touching distance to those in contact."""
     for k in range(distance.shape[0]):
@@ -214,11 +170,25 @@ def _touch(distance, contact):
 
 
 @kernel
+def _hold(t, motion):
+    """Let a row that has found no answer for step t rest in its state from then on, diverged."""
+    q_r, q_cmd, pose, actions, distance, contact, active, diverged = motion
+    for later in range(t + 1, q_r.shape[0]):
+        for j in range(q_r.shape[1]):
+            q_r[later, j], q_cmd[later, j], actions[later - 1, j] = q_r[t, j], q_cmd[t, j], 0.0
+        for k in range(3):
+            pose[later, k] = pose[t, k]
+        for k in range(distance.shape[1]):
+            distance[later, k], contact[later, k] = distance[t, k], contact[t, k]
+        active[later], diverged[later] = 0, True
+
+
+@inlined_kernel
 def _rollout_row(scene, model, values, absolute, displacement, friction, work, motion):
     """Simulate one row; arguments as in `rollout_rows` without the row axis."""
-    q_r, q_cmd, pose, actions, distance, contact, active = motion
-    place(scene, q_r[0], pose[0], work, distance[0])
-    for k in range(scene.links):
+    q_r, q_cmd, pose, actions, distance, contact, active, _ = motion
+    place_scene(scene, q_r[0], pose[0], work.placed, distance[0])
+    for k in range(scene.robot.links):
         contact[0, k] = False
     active[0] = 0
     _touch(distance[0], contact[0])
@@ -233,33 +203,52 @@ def _rollout_row(scene, model, values, absolute, displacement, friction, work, m
             here[0] += w_x
             here[1] += w_y
             w_x, w_y = 0.0, 0.0
-            place(scene, q_r[t], here, work, distance[t + 1])  # overwritten at the end of the step
+            place_scene(scene, q_r[t], here, work.placed, distance[t + 1])  # overwritten at the end of the step
         advance_command(scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1])
         m = assemble(scene, model, friction, q_r[t], q_cmd[t + 1], here, w_x, w_y, work)
         active[t + 1] = _solve_and_move(model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1])
         if active[t + 1] == FAILED:
+            _hold(t, motion)
             break
-        place(scene, q_r[t + 1], here, work, distance[t + 1])
+        place_scene(scene, q_r[t + 1], here, work.placed, distance[t + 1])
         _touch(distance[t + 1], contact[t + 1])
 
 
+class World(NamedTuple):
+    """What a thread simulates with."""
+
+    scene: Scene
+    model: ContactModel
+    work: Workspace
+
+
 @batch_kernel
-def rollout_rows(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
+def make_world(scene, model):
+    """A `World`, held: a scene, the settings, and scratch of one thread.
+
+    Args:
+        scene: a `Scene`.
+        model: a `ContactModel`.
+    """
+    return Held(World(scene, model, make_workspace(scene, model)))
+
+
+@batch_kernel
+def rollout_rows(lo, hi, rows, world, values, absolute, displacement, friction, motion):
     """Simulate rows `rows[lo:hi]`; the start stands at time index 0 of the motion's arrays.
 
     Args:
         lo, hi: range of entries of `rows`.
-        rows: row numbers that share this scene, shape (R,).
-        scene: a `PackedScene`.
-        model: a `ContactModel`.
+        rows: row numbers that share this world, shape (R,).
+        world: from `make_world`.
         values, absolute, displacement: as in `Commands`; displacement may have no steps.
         friction: mu of every row, shape (B,).
-        motion: a `Motion`'s arrays as a tuple, filled in place as far as a row goes: `active` is FAILED at a step
-            that has no answer, or none to be believed, and the row ends there.
+        motion: a `Motion`'s arrays as a tuple, filled in place. A row rests, diverged, from a step on that has no
+            answer, or none to be believed.
     """
-    q_r, q_cmd, pose, actions, distance, contact, active = motion
-    work = make_workspace(scene, model)
+    q_r, q_cmd, pose, actions, distance, contact, active, diverged = motion
+    scene, model, work = world.value
     for r in range(lo, hi):
         i = rows[r]
-        row = (q_r[i], q_cmd[i], pose[i], actions[i], distance[i], contact[i], active[i])
+        row = (q_r[i], q_cmd[i], pose[i], actions[i], distance[i], contact[i], active[i], diverged[i])
         _rollout_row(scene, model, values[i], absolute, displacement[i], friction[i], work, row)

@@ -8,7 +8,7 @@ import numpy as np
 
 from piec_envs.geometry.distance import closest_on_polygon, front_of
 from piec_envs.geometry.kinematics import point_velocity
-from piec_envs.kernels import batch_kernel, kernel
+from piec_envs.kernels import batch_kernel, inlined_kernel
 
 MAX_CONTACTS = 32  # the nearest ones are kept; a step has at most about ten within its margin
 
@@ -39,7 +39,7 @@ def make_contacts():
     )
 
 
-@kernel
+@inlined_kernel
 def _add_contact(contacts, gap, r_x, r_y, o_x, o_y, n_x, n_y, frame, link):
     """Store a contact; when the buffers are full it replaces the farthest one if it is nearer."""
     i = contacts.number[0]
@@ -56,10 +56,11 @@ def _add_contact(contacts, gap, r_x, r_y, o_x, o_y, n_x, n_y, frame, link):
     contacts.frame[i], contacts.link[i] = frame, link
 
 
-@kernel
-def _object_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts):
+@inlined_kernel
+def _object_vertices(scene, i, k, placed, nearest, front, reach, contacts):
     """Vertices of object shape k on edges of robot shape i, and mutual vertex-to-vertex pairs."""
-    robot, item = scene.robot, scene.object
+    robot, item = scene.robot.shapes, scene.object.shapes
+    robot_vertices, object_vertices = placed.robot_vertices, placed.object_vertices
     first, last, r_a, r_b = item.first[k], item.first[k + 1], robot.radius[i], item.radius[k]
     for v in range(first, last):
         x, y = object_vertices[v, 0], object_vertices[v, 1]
@@ -78,10 +79,11 @@ def _object_vertices(scene, i, k, robot_vertices, object_vertices, nearest, fron
         )  # fmt: skip
 
 
-@kernel
-def _robot_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts):
+@inlined_kernel
+def _robot_vertices(scene, i, k, placed, nearest, front, reach, contacts):
     """Vertices of robot shape i on edges of object shape k."""
-    robot, item = scene.robot, scene.object
+    robot, item = scene.robot.shapes, scene.object.shapes
+    robot_vertices, object_vertices = placed.robot_vertices, placed.object_vertices
     first, last, r_a, r_b = item.first[k], item.first[k + 1], robot.radius[i], item.radius[k]
     for v in range(robot.first[i], robot.first[i + 1]):
         x, y = robot_vertices[v, 0], robot_vertices[v, 1]
@@ -96,12 +98,12 @@ def _robot_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front
         )  # fmt: skip
 
 
-@kernel
-def _disc_contact(scene, i, k, object_vertices, nearest, contacts):
+@inlined_kernel
+def _disc_contact(scene, i, k, placed, nearest, contacts):
     """The one contact of robot shape i and a disc, which has no edges."""
-    robot, item = scene.robot, scene.object
+    robot, item = scene.robot.shapes, scene.object.shapes
     core, n_x, n_y = nearest
-    x, y = object_vertices[item.first[k], 0], object_vertices[item.first[k], 1]
+    x, y = placed.object_vertices[item.first[k], 0], placed.object_vertices[item.first[k], 1]
     r_a, r_b = robot.radius[i], item.radius[k]
     to_robot = core - r_a
     _add_contact(
@@ -110,50 +112,50 @@ def _disc_contact(scene, i, k, object_vertices, nearest, contacts):
     )  # fmt: skip
 
 
-@kernel
-def find_contacts(scene, robot_vertices, object_vertices, pairs, margin, contacts):
+@inlined_kernel
+def find_contacts(scene, placed, margin, contacts):
     """Fill `contacts` with all contact points nearer than `margin`: vertices on edges, and mutual pairs of vertices.
 
     The normal of two shapes' distance is that of a line between them, and a vertex is as far from the
     other shape as from its front at least: most need no search.
 
     Args:
-        scene: a `PackedScene`.
-        robot_vertices, object_vertices: from `place_shapes`.
-        pairs: distances and normals of the shapes, from `link_distances`.
+        scene: a `Scene`.
+        placed: from `place_scene`.
         margin: m.
         contacts: output buffers from `make_contacts`.
     """
-    robot, item = scene.robot, scene.object
+    robot, item = scene.robot.shapes, scene.object.shapes
     contacts.number[0] = 0
     for i in range(robot.radius.shape[0]):
         for k in range(item.radius.shape[0]):
-            nearest = pairs[i, k, 0], pairs[i, k, 1], pairs[i, k, 2]
+            pair = placed.pairs[i, k]
+            nearest = pair[0], pair[1], pair[2]
             reach = margin + robot.radius[i] + item.radius[k]
             if nearest[0] >= reach:
                 continue
             first, last = item.first[k], item.first[k + 1]
             if last - first == 1:
-                _disc_contact(scene, i, k, object_vertices, nearest, contacts)
+                _disc_contact(scene, i, k, placed, nearest, contacts)
                 continue
-            front = front_of(object_vertices, first, last, nearest[1], nearest[2])
-            _object_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts)
-            _robot_vertices(scene, i, k, robot_vertices, object_vertices, nearest, front, reach, contacts)
+            front = front_of(placed.object_vertices, first, last, nearest[1], nearest[2])
+            _object_vertices(scene, i, k, placed, nearest, front, reach, contacts)
+            _robot_vertices(scene, i, k, placed, nearest, front, reach, contacts)
 
 
-@kernel
+@inlined_kernel
 def contact_rows(scene, frames, pose, contacts, friction, rows):
     """Constraint rows J_n -/+ mu J_t of eq. 11, two for each contact.
 
     Args:
-        scene: a `PackedScene`.
+        scene: a `Scene`.
         frames: the robot's frames from `link_frames`.
         pose: the object's x, y, angle.
         contacts: from `find_contacts`.
         friction: mu.
         rows: output, at least (2 number, n + 3); the columns are the joints, then x, y, angle.
     """
-    n = scene.stiffness.shape[0]
+    n = scene.robot.stiffness.shape[0]
     for i in range(contacts.number[0]):
         n_x, n_y = friction * contacts.normal[i, 0], friction * contacts.normal[i, 1]
         r_x, r_y = contacts.on_robot[i, 0], contacts.on_robot[i, 1]
@@ -164,7 +166,7 @@ def contact_rows(scene, frames, pose, contacts, friction, rows):
         a, b = rows[2 * i], rows[2 * i + 1]
         moved = contacts.frame[i]  # joints before it move the contact point
         for j in range(moved):
-            v_x, v_y = point_velocity(scene, frames, j, r_x, r_y)
+            v_x, v_y = point_velocity(scene.robot, frames, j, r_x, r_y)
             a[j], b[j] = -(a_x * v_x + a_y * v_y), -(b_x * v_x + b_y * v_y)
         for j in range(moved, n):
             a[j] = b[j] = 0.0

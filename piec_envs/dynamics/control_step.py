@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.dynamics.base import TOUCH_DISTANCE
 from piec_envs.dynamics.contact_step import advance_command
-from piec_envs.geometry.distance import link_distances, make_pairs
-from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
+from piec_envs.dynamics.protocol import TOUCH_DISTANCE
+from piec_envs.geometry.body import link_distances, make_placed, place_object, place_robot, place_scene
 from piec_envs.kernels import batch_kernel, kernel
 
 SHIFT_STEPS = 8  # a displacement is tried in this many equal parts, each shorter than any link is thick
@@ -16,12 +15,11 @@ SHIFT_TRIES = 60  # in all, which bounds the search where no try meets it
 
 
 @kernel
-def _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_centres, pose, pairs, distances):
-    """Least distance of the object at a pose to the robot; fills `distances` (links,)."""
+def _distance_at(scene, x, y, angle, pose, placed, distances):
+    """Least distance of the object at a pose to the placed robot; fills `distances` (links,)."""
     pose[0], pose[1], pose[2] = x, y, angle
-    pose_frame(pose, frame)
-    place_shapes(scene.object, frame, object_vertices, object_centres)
-    link_distances(scene, vertices, object_vertices, pairs, distances)
+    place_object(scene.object, pose, placed)
+    link_distances(scene, placed, distances)
     least = np.inf
     for k in range(distances.shape[0]):
         least = min(least, distances[k])
@@ -30,13 +28,15 @@ def _distance_at(scene, vertices, x, y, angle, frame, object_vertices, object_ce
 
 @batch_kernel
 def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, late, ctrl):
-    """Commands of step t, as every dynamics takes them: `advance_command`. Late ones leave the one before in force.
+    """Commands of step t, as every dynamics takes them, by `advance_command`.
+
+    A late command leaves the one before in force until it arrives.
 
     Args:
         lo, hi: range of entries of `rows`.
         rows: row numbers, shape (R,).
         t: index of the step.
-        scene: a `PackedScene`.
+        scene: a `Scene`.
         model: a `ContactModel`.
         values, absolute: as in `Commands`.
         motion: (q_r, q_cmd, actions) of a `Motion`; q_cmd at t + 1 and the actions at t are written.
@@ -60,37 +60,27 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
         lo, hi: range of entries of `rows`.
         rows: row numbers, shape (R,).
         t: index of the step.
-        scene: a `PackedScene`.
+        scene: a `Scene`.
         displacement: w, shape (B, N, 2), m.
         q_r, pose: of a `Motion`, at time index t.
         shifted: output, object x and y, shape (hi - lo, 2), m.
     """
-    n = q_r.shape[2]
-    frames, frame = np.empty((n + 1, 4)), np.empty((1, 4))
-    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
-    object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
-    moved, pairs, distances = np.empty(3), make_pairs(scene), np.empty(scene.links)
+    moved, placed, distances = np.empty(3), make_placed(scene), np.empty(scene.robot.links)
     for r in range(lo, hi):
         i = rows[r]
         x, y, angle = pose[i, t, 0], pose[i, t, 1], pose[i, t, 2]
         w_x, w_y = displacement[i, t, 0], displacement[i, t, 1]
         share = 0.0
         if w_x != 0.0 or w_y != 0.0:
-            link_frames(scene, q_r[i, t], frames)
-            place_shapes(scene.robot, frames, vertices, centres)
-            here = _distance_at(
-                scene, vertices, x, y, angle, frame, object_vertices, object_centres, moved, pairs, distances
-            )
+            place_robot(scene.robot, q_r[i, t], placed)
+            here = _distance_at(scene, x, y, angle, moved, placed, distances)
             free, part = min(here, 0.0), 1.0 / SHIFT_STEPS
             failures = 0
             for _ in range(SHIFT_TRIES):
                 if share >= 1.0 or failures > SHIFT_FAILURES:
                     break
                 tried = min(share + part, 1.0)
-                there = _distance_at(
-                    scene, vertices, x + tried * w_x, y + tried * w_y, angle, frame, object_vertices, object_centres,
-                    moved, pairs, distances,
-                )  # fmt: skip
+                there = _distance_at(scene, x + tried * w_x, y + tried * w_y, angle, moved, placed, distances)
                 if there >= free:
                     share = tried
                 else:
@@ -107,28 +97,20 @@ def measure_motion_rows(lo, hi, rows, scene, q_r, pose, distance, contact, activ
     Args:
         lo, hi: range of entries of `rows`.
         rows: row numbers, shape (R,).
-        scene: a `PackedScene`.
+        scene: a `Scene`.
         q_r: shape (B, T, n).
         pose: shape (B, T, 3).
         distance: output, shape (B, T, links), m.
         contact: output, whether nearer than the touching distance, shape (B, T, links).
         active: output, links that press, shape (B, T); 0 at the start.
     """
-    frames, frame = np.empty((q_r.shape[2] + 1, 4)), np.empty((1, 4))
-    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
-    object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
-    here, pairs = np.empty(3), make_pairs(scene)
+    placed = make_placed(scene)
     for r in range(lo, hi):
         i = rows[r]
         for t in range(q_r.shape[1]):
-            link_frames(scene, q_r[i, t], frames)
-            place_shapes(scene.robot, frames, vertices, centres)
-            _distance_at(
-                scene, vertices, pose[i, t, 0], pose[i, t, 1], pose[i, t, 2], frame, object_vertices, object_centres,
-                here, pairs, distance[i, t],
-            )  # fmt: skip
+            place_scene(scene, q_r[i, t], pose[i, t], placed, distance[i, t])
             active[i, t] = 0
-            for k in range(scene.links):
+            for k in range(scene.robot.links):
                 contact[i, t, k] = distance[i, t, k] <= TOUCH_DISTANCE
                 if t > 0 and distance[i, t, k] < 0.0:  # a soft contact pushes where bodies overlap
                     active[i, t] += 1

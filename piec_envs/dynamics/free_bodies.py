@@ -32,7 +32,16 @@ def planar(places: np.ndarray, before: np.ndarray) -> np.ndarray:
 
 
 def places_in(state: np.ndarray, dof: int, bodies: int) -> np.ndarray:
-    """Places of the free bodies in the physics state (S,) of a robot of `dof` joints, a view of shape (bodies, 7)."""
+    """Places of the free bodies in a physics state.
+
+    Args:
+        state: time, joints, places and velocities, shape (S,).
+        dof: joints of the robot.
+        bodies: how many free bodies.
+
+    Returns:
+        Position, m, and quaternion of each, a view of shape (bodies, 7).
+    """
     return state[1 + dof : 1 + dof + PLACE * bodies].reshape(bodies, PLACE)
 
 
@@ -94,7 +103,7 @@ def remembered_places(item: Object, q_r: np.ndarray, pose: np.ndarray, memory: n
         item: the object.
         q_r: joint positions, shape (n,).
         pose: object pose, shape (3,).
-        memory: the row's.
+        memory: the row's, a physics state of shape (S,), of any length if it is another's.
 
     Returns:
         None where the memory does not fit the joints and the pose: they were changed, or it is another's.

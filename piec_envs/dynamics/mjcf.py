@@ -40,7 +40,7 @@ ARC_POINTS = 91  # on each rounded corner of an extruded outline: faces within h
 
 
 @lru_cache(maxsize=1024)
-def get_model(robot_name: str, object_name: str, friction: float, mass: float = 1.0) -> Any:
+def mujoco_model(robot_name: str, object_name: str, friction: float, mass: float = 1.0) -> Any:
     """The model of a scene, an `mujoco.MjModel` to be treated as read-only: a changed copy of one that is compiled.
 
     Args:
@@ -48,6 +48,9 @@ def get_model(robot_name: str, object_name: str, friction: float, mass: float = 
         object_name: a row of the table of objects.
         friction: mu between arm and object.
         mass: of the object, as a factor of its nominal one; its inertia scales along.
+
+    Returns:
+        The model.
     """
     model = copy.copy(_compiled(robot_name, object_name))
     model.pair_friction[_arm_pairs(model), :2] = friction
@@ -79,6 +82,9 @@ def build_spec(robot: Robot, item: Object, friction: float) -> Any:
         robot: the robot.
         item: the object.
         friction: mu between arm and object.
+
+    Returns:
+        The scene, not yet compiled.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False

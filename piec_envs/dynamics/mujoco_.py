@@ -16,7 +16,12 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
-from piec_envs.dynamics.base import (
+from piec_envs.dynamics.by_row import DynamicsOptions
+from piec_envs.dynamics.contact_model import ContactModel
+from piec_envs.dynamics.control_step import command_rows, measure_motion_rows, shift_rows
+from piec_envs.dynamics.free_bodies import PLACE, places_in, planar, poses_at_start, remembered_places, rest_state
+from piec_envs.dynamics.mjcf import TIMESTEP, mujoco_model
+from piec_envs.dynamics.protocol import (
     CONTROL_PERIOD,
     NO_MEMORY,
     POSITION_LIMIT,
@@ -26,19 +31,15 @@ from piec_envs.dynamics.base import (
     blank_motion,
     check_shapes,
 )
-from piec_envs.dynamics.contact_step import ContactModel
-from piec_envs.dynamics.control_step import command_rows, measure_motion_rows, shift_rows
-from piec_envs.dynamics.free_bodies import PLACE, places_in, planar, poses_at_start, remembered_places, rest_state
-from piec_envs.dynamics.mjcf import TIMESTEP, get_model
 from piec_envs.parallel import run_rows
 from piec_envs.world.objects import get_object
-from piec_envs.world.scene import PackedScene, pack_scene
+from piec_envs.world.packed import Scene, pack_scene
 
 ENGINE_STEPS = round(CONTROL_PERIOD / TIMESTEP)  # in a control step
 SETTLE_ROUNDS, SETTLE_ENGINE_STEPS = 100, 2  # in which an overlap is relaxed
 SETTLED = 1e-4  # m; an overlap that counts as none
 LARGEST_MOVE = 0.5  # m or rad in a control step; a hundred times what the drives bring
-SMALL_BATCH = 64  # row-steps below which a second thread costs more than it brings to measuring
+MEASURE_WORK = 2.0  # us of a state, about
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
@@ -104,19 +105,24 @@ class MujocoDynamics:
 
     def _rollout(self, q_r, q_cmd, pose, commands, plant, memory, engine_steps) -> Motion:
         check_shapes(q_r, q_cmd, pose, commands, plant)
-        batch, steps, _ = commands.values.shape
+        steps = commands.values.shape[1]
         groups = [(name, rows, pack_scene(plant.robot, name)) for name, rows in plant.rows_by_object.items()]
-        motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][2].links)
+        motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][2].robot.links)
         motion.memory[:] = memory or motion.memory
         for name, rows, scene in groups:
             job = _Job(name, rows, scene, self.model, plant, commands, motion, engine_steps)
             run_rows(_simulate, len(rows), self.threads, job)
             run_rows(
-                measure_motion_rows, len(rows), 1 if batch * steps < SMALL_BATCH else self.threads, rows, scene,
-                motion.q_r, motion.pose, motion.link_distance, motion.contact, motion.active,
+                measure_motion_rows, len(rows), self.threads, rows, scene, motion.q_r, motion.pose,
+                motion.link_distance, motion.contact, motion.active, work=MEASURE_WORK * len(rows) * (steps + 1),
             )  # fmt: skip
         motion.hold_diverged(motion.diverged)
         return motion
+
+
+def mujoco_dynamics(options: DynamicsOptions) -> MujocoDynamics:
+    """The MuJoCo row of the table of dynamics."""
+    return MujocoDynamics(options.threads, options.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +131,7 @@ class _Job:
 
     object_name: str
     rows: np.ndarray
-    scene: PackedScene
+    scene: Scene
     model: ContactModel
     plant: Plant
     commands: Commands
@@ -154,7 +160,7 @@ _engines = _Engines()
 def _row_model(plant: Plant, row: int) -> Any:
     """The model of one row."""
     mass = 1.0 if plant.mass is None else float(plant.mass[row])
-    return get_model(plant.robot, plant.objects[row], float(plant.friction[row]), mass)
+    return mujoco_model(plant.robot, plant.objects[row], float(plant.friction[row]), mass)
 
 
 def _deepest_contact(plant: Plant, row: int, state: np.ndarray) -> float:

@@ -2,21 +2,51 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from piec_envs.dynamics.base import INERTIAS, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
-from piec_envs.dynamics.contact_step import ContactModel, rollout_rows
+from piec_envs.dynamics.by_row import DynamicsOptions, check_moves, check_varies
+from piec_envs.dynamics.contact_model import ContactModel
+from piec_envs.dynamics.contact_step import make_world, rollout_rows
+from piec_envs.dynamics.protocol import INERTIAS, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
 from piec_envs.dynamics.reference import rollout_rows_osqp
-from piec_envs.dynamics.rigid import FAILED
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.parallel import run_rows
-from piec_envs.world.objects import get_object
-from piec_envs.world.scene import pack_scene
+from piec_envs.world.packed import pack_robot, pack_scene
 
-SOLVERS = {"fast": rollout_rows, "osqp": rollout_rows_osqp}
-SMALL_BATCH = 64  # row-steps below which a second thread costs more than it brings
+STEP_WORK = 2.0  # us of a row's step, about
+Key = tuple[str, str, ContactModel]  # robot, object, settings
+
+
+class _Worlds(threading.local):
+    """What each thread simulates with, for each robot, object and settings."""
+
+    def __init__(self):
+        self.made = dict[Key, Any]()
+
+
+_worlds = _Worlds()
+
+
+def _rollout_fast(lo: int, hi: int, rows: np.ndarray, key: Key, *arrays: Any) -> None:
+    """`rollout_rows` in this thread's world."""
+    world = _worlds.made.get(key)
+    if world is None:
+        robot, item, model = key
+        world = _worlds.made[key] = make_world(pack_scene(robot, item), model)
+    rollout_rows(lo, hi, rows, world, *arrays)
+
+
+def _rollout_osqp(lo: int, hi: int, rows: np.ndarray, key: Key, *arrays: Any) -> None:
+    """The plain reference."""
+    robot, item, model = key
+    rollout_rows_osqp(lo, hi, rows, pack_scene(robot, item), model, *arrays)
+
+
+SOLVERS = {"fast": _rollout_fast, "osqp": _rollout_osqp}
 
 
 class QuasiDynamics:
@@ -54,51 +84,36 @@ class QuasiDynamics:
     ) -> Motion:
         """Simulate N steps for B rows; see `Dynamics.rollout`.
 
-        A first-order model remembers nothing, and knows neither the object's mass nor what `check_first_order` refuses.
+        A first-order model remembers nothing, and knows neither the object's mass nor what its row of the table says.
         """
         check_shapes(q_r, q_cmd, pose, commands, plant)
-        for name, _ in plant.rows_by_object_and_inertia:
-            check_first_order(name, 0.0 if plant.delay is None else float(plant.delay.max()))
+        if self.name not in plant.accepted:
+            self._check_plant(plant)
         batch, steps, _ = commands.values.shape
-        groups = [
-            (pack_scene(plant.robot, name), self._models[inertia], rows)
-            for (name, inertia), rows in plant.rows_by_object_and_inertia.items()
-        ]
-        motion = blank_motion(q_r, q_cmd, pose, steps, groups[0][0].links)
+        motion = blank_motion(q_r, q_cmd, pose, steps, pack_robot(plant.robot).links)
         arrays = (motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance, motion.contact,
-                  motion.active)  # fmt: skip
+                  motion.active, motion.diverged)  # fmt: skip
         displacement = np.zeros((batch, 0, 2)) if commands.displacement is None else commands.displacement
-        threads = 1 if batch * steps < SMALL_BATCH else self.threads
-        for scene, model, rows in groups:
+        for (name, inertia), rows in plant.rows_by_object_and_inertia.items():
             run_rows(
-                SOLVERS[self.solver], len(rows), threads, rows, scene, model,
+                SOLVERS[self.solver], len(rows), self.threads, rows, (plant.robot, name, self._models[inertia]),
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
+                work=STEP_WORK * len(rows) * steps,
             )  # fmt: skip
-        motion.hold_diverged(motion.active == FAILED)
         return motion
 
+    def _check_plant(self, plant: Plant) -> None:
+        """Refuse a plant that a first-order model cannot follow."""
+        check_varies(self.name, "delay", 0.0 if plant.delay is None else float(plant.delay.max()), 0.0, " s")
+        for name, _ in plant.rows_by_object_and_inertia:
+            check_moves(self.name, name)
+        plant.accepted.add(self.name)
+
     def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The pose itself: the first steps push an overlap out."""
+        """The pose itself: the first steps push an overlap out; see `Dynamics.settle`."""
         return pose, [NO_MEMORY] * len(pose)
 
 
-def check_first_order(object_name: str, delay: float) -> None:
-    """Refuse what a first-order model of one object cannot follow.
-
-    Args:
-        object_name: a row of the table of objects.
-        delay: from a command to the drives, s.
-
-    Raises:
-        InvalidParameterError: for an object with loose bodies, or a delay.
-    """
-    if delay > 0:
-        raise InvalidParameterError(
-            f"delay must be 0 under dynamics='quasi_dynamic', whose step is a whole control step; got {delay:g} s "
-            "(take dynamics='mujoco', given together with the delay)"
-        )
-    if get_object(object_name).loose:
-        raise InvalidParameterError(
-            f"object {object_name!r} has loose bodies, which dynamics='quasi_dynamic' cannot move: it knows one object "
-            "and no table; take dynamics='mujoco', given together with the object, or an object without loose bodies"
-        )
+def quasi_dynamics(options: DynamicsOptions) -> QuasiDynamics:
+    """The quasi-dynamic row of the table of dynamics."""
+    return QuasiDynamics(*options)

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.dynamics.base import TOUCH_DISTANCE
 from piec_envs.dynamics.contact_qp import ContactProblem, solve_osqp
-from piec_envs.dynamics.contact_step import (
-    advance_command,
-    assemble,
-    is_physical,
-    is_within_bounds,
-    make_workspace,
-    place,
-)
-from piec_envs.dynamics.rigid import FAILED
+from piec_envs.dynamics.contact_step import advance_command, assemble, is_physical, is_within_bounds, make_workspace
+from piec_envs.dynamics.protocol import TOUCH_DISTANCE
+from piec_envs.geometry.body import place_scene
 
 
 def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement, friction, motion):
-    """The same as `rollout_rows` in plain NumPy, one OSQP problem set up per step: the reference."""
-    q_r, q_cmd, pose, actions, distance, contact, active = motion
+    """The same as `rollout_rows` in plain NumPy, one OSQP problem set up per step: the reference.
+
+    Args:
+        lo, hi, rows, scene, model: as in `rollout_rows`.
+        values, absolute, displacement: as in `rollout_rows`.
+        friction, motion: as in `rollout_rows`.
+    """
+    q_r, q_cmd, pose, actions, distance, contact, active, diverged = motion
     work = make_workspace(scene, model)
     n = q_r.shape[2]
     for i in rows[lo:hi]:
-        place(scene, q_r[i, 0], pose[i, 0], work, distance[i, 0])
+        place_scene(scene, q_r[i, 0], pose[i, 0], work.placed, distance[i, 0])
         contact[i, 0] = distance[i, 0] <= TOUCH_DISTANCE
         active[i, 0] = 0
         for t in range(values.shape[1]):
@@ -32,20 +31,24 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
             if model.state_noise:
                 here[:2] += w
                 w = np.zeros(2)
-            place(scene, q_r[i, t], here, work, distance[i, t + 1])  # overwritten at the end of the step
+            place_scene(scene, q_r[i, t], here, work.placed, distance[i, t + 1])  # overwritten at the end of the step
             advance_command(
                 scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1]
             )
             problem = assemble_problem(scene, model, friction[i], q_r[i, t], q_cmd[i, t + 1], here, w, work)
             solution = solve_osqp(problem)
             if not _is_believable(model, problem, solution, here, work):
-                active[i, t + 1] = FAILED
+                for array in (q_r, q_cmd, pose, distance, contact):
+                    array[i, t + 1 :] = array[i, t]
+                actions[i, t:] = 0.0
+                active[i, t + 1 :] = 0
+                diverged[i, t + 1 :] = True
                 break
             pushed = solution.multipliers > 1e-9
             q_r[i, t + 1] = q_r[i, t] + solution.step[:n]
             pose[i, t + 1] = here + solution.step[n:]
             active[i, t + 1] = pushed.sum()
-            place(scene, q_r[i, t + 1], pose[i, t + 1], work, distance[i, t + 1])
+            place_scene(scene, q_r[i, t + 1], pose[i, t + 1], work.placed, distance[i, t + 1])
             contact[i, t + 1] = distance[i, t + 1] <= TOUCH_DISTANCE
             contact[i, t + 1, work.contacts.link[np.flatnonzero(pushed) // 2]] = True
 
@@ -62,7 +65,7 @@ def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=
     """The contact QP of one step as a value object.
 
     Args:
-        scene: a `PackedScene`.
+        scene: a `Scene`.
         model: a `ContactModel`.
         friction: mu.
         q, q_cmd: joints and this step's command, shape (n,).
@@ -75,7 +78,7 @@ def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=
     """
     if work is None:
         work = make_workspace(scene, model)
-        place(scene, q, pose, work, np.empty(scene.links))
+        place_scene(scene, q, pose, work.placed, np.empty(scene.robot.links))
     m = assemble(scene, model, friction, q, q_cmd, pose, displacement[0], displacement[1], work)
     gap = np.maximum(np.repeat(work.contacts.gap[: m // 2], 2), -model.push_out)
     return ContactProblem(work.weight.copy(), work.free.copy(), work.rows[:m].copy(), gap, model.compliance)

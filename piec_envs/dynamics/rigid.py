@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.kernels import kernel
+from piec_envs.kernels import inlined_kernel
 
 FAILED = -1  # in place of a number of rows
 NOISE = 1e-13  # a row whose part off the others has at most this share of its square depends on them
@@ -16,14 +16,14 @@ SHARE = 1e-9  # less of a row in another is rounding noise
 RIGID_RESIDUAL = 1e-9  # m; largest violation, or gap under pressure, of an answer that is taken for one
 
 
-@kernel
+@inlined_kernel
 def _depends(p, dual):
     """Whether the last of the p passive rows depends on those before it, but for rounding."""
     a = dual.passive[p - 1]
     return dual.inverse[p - 1] ** 2 * dual.G[a, a] * NOISE >= 1.0
 
 
-@kernel
+@inlined_kernel
 def _exchange(p, dual):
     """Let the last of the p passive rows, which depends on those before it, take the place of one of them.
 
@@ -56,7 +56,7 @@ def _exchange(p, dual):
     return leaving
 
 
-@kernel
+@inlined_kernel
 def give_way(p, dual):
     """Let the last of the p passive rows take the place of another one where it depends on the others.
 
@@ -73,7 +73,7 @@ def give_way(p, dual):
     return p, p
 
 
-@kernel
+@inlined_kernel
 def is_answer(m, p, dual):
     """Whether no row is violated, and those that press are closed; the rest of the KKT conditions hold as computed."""
     worst = 0.0

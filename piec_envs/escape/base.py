@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -30,7 +31,16 @@ class FieldMap(NamedTuple):
 
 
 def draw_map(field: Field, speed: SpeedModel, centre=(0.0, 0.0)) -> FieldMap:
-    """A solved field as a `FieldMap` around the disc's centre."""
+    """A solved field as a `FieldMap` around the disc's centre.
+
+    Args:
+        field: the solved configuration.
+        speed: that it was solved with.
+        centre: of the disc, two numbers, m.
+
+    Returns:
+        The map; outside the disc T is 0 and the speed that of free space.
+    """
     axis = field.start + field.h * np.arange(len(field.time))  # (N,)
     outside = np.hypot(*np.meshgrid(axis, axis)) >= field.radius  # (N, N)
     T = np.where(field.time < FAR, np.maximum(field.time, 0.0), np.inf)
@@ -39,7 +49,15 @@ def draw_map(field: Field, speed: SpeedModel, centre=(0.0, 0.0)) -> FieldMap:
 
 
 def find_path(field: Field, point: np.ndarray) -> np.ndarray:
-    """Fastest way out of a solved field from a point, shapes (m, 2), (2,), relative to the disc's centre, m."""
+    """Fastest way out of a solved field from a point.
+
+    Args:
+        field: the solved configuration.
+        point: relative to the disc's centre, shape (2,), m.
+
+    Returns:
+        Points relative to the disc's centre, shape (m, 2), m.
+    """
     path = np.empty((MAX_STEPS_PER_NODE * len(field.time), 2))
     return path[: trace(field, point[0], point[1], path)]
 
@@ -189,7 +207,7 @@ class BatchedField(ABC):
                 f"points must be (B, k, 2) and q_r (B, {self._dof}), or (k, 2) and ({self._dof},); "
                 f"got {np.shape(points)[single:]} and {np.shape(q_r)}"
             )
-        if not (np.isfinite(points).all() and np.isfinite(q).all()):
+        if not (_all_finite(points) and _all_finite(q)):
             raise InvalidStateError("points and q_r must be finite")
         return points, q, single
 
@@ -201,6 +219,12 @@ class BatchedField(ABC):
         out = np.empty((rows, k)), np.empty((rows, k, p_size)), np.empty((rows, k, q_size))
         self._answer_rows(level, q, points, out)
         return tuple(array[0] for array in out) if single else out
+
+
+def _all_finite(array: np.ndarray) -> bool:
+    """Whether no number is infinite or none; a sum of few squares tells it quickly, unless one is too large."""
+    flat = array.ravel()
+    return math.isfinite(flat @ flat) or bool(np.isfinite(array).all())
 
 
 def _made_again(kind: Callable[..., BatchedField], spec: Mapping[str, Any], threads: int | None) -> BatchedField:

@@ -30,7 +30,7 @@ class Field(NamedTuple):
     radius: float  # m
     h: float  # m
     start: float  # coordinate of the first grid line, m
-    speed: PackedSpeed
+    speed: PackedSpeed  # the numbers of a `SpeedModel`
     first: np.ndarray  # (S + 1,) shapes of the robot, as in `PackedShapes`; S = 0: only `distance` is known
     round: np.ndarray  # (S,) their radius, m
     vertices: np.ndarray  # (V, 2) m
@@ -50,7 +50,15 @@ def _interpolated(field, x, y):
 
 @kernel
 def distance_at(field, x, y):
-    """Signed distance from (x, y) to the robot, m: `point_distance` without the closest point."""
+    """Signed distance from a point to the robot: `point_distance` without the closest point.
+
+    Args:
+        field: a `Field`.
+        x, y: the point, m.
+
+    Returns:
+        The distance, m; between the nodes of `field.distance` where the field has no shapes.
+    """
     if field.round.shape[0] == 0:
         return _interpolated(field, x, y)
     first, radius, corners = field.first, field.round, field.vertices

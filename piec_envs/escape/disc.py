@@ -18,7 +18,7 @@ from piec_envs.escape.between import Field
 from piec_envs.escape.marching import march, sort_by_time
 from piec_envs.escape.speed import cost_map, distance_map
 from piec_envs.escape.sweeping import FAR, WALL, Diagonals, diagonal_layout, sweep_to_rest, to_diagonals
-from piec_envs.geometry.distance import point_distance
+from piec_envs.geometry.body import point_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel, kernel
 
@@ -43,7 +43,7 @@ class Disc(NamedTuple):
     y: np.ndarray  # (M + E,)
     node: np.ndarray  # (M + E,) int64, their flat index in the grid
     edge: np.ndarray  # (2, E) int64, flat index of the edge's nodes in each layout of diagonals
-    layout: Diagonals
+    layout: Diagonals  # where the free nodes lie, row by row and diagonal by diagonal
     bound: np.ndarray  # (N, N) T_0, s
     start: np.ndarray  # (2, 2 N - 1, N) T_0 by diagonals
     least: np.ndarray  # (2, 2 N - 1, N) the same, FAR outside the disc
@@ -73,6 +73,9 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
         radius: of the workspace, m.
         u_bar: speed in free space, m/s.
         resolution: nodes a side.
+
+    Returns:
+        The grid.
 
     Raises:
         InvalidParameterError: if the resolution is below 16.
@@ -109,19 +112,22 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
 
 
 @batch_kernel
-def make_scratch(robot, frames, disc):
+def make_scratch(shapes, frames, disc):
     """Working memory for one thread.
 
     Args:
-        robot: the `PackedShapes` that will be placed.
+        shapes: the `PackedShapes` that will be placed.
         frames: how many frames they are fixed in.
         disc: a `Disc`.
+
+    Returns:
+        A `Scratch`.
     """
     n, m = disc.axis.shape[0], disc.x.shape[0]
     return Scratch(
         np.empty((frames, 4)),
-        np.empty_like(robot.vertices),
-        np.empty_like(robot.centre),
+        np.empty_like(shapes.vertices),
+        np.empty_like(shapes.centre),
         np.empty(m),
         np.empty(m),
         np.empty((2, m)),
@@ -135,17 +141,20 @@ def make_scratch(robot, frames, disc):
 
 
 @kernel
-def place_robot(scene, base, q, scratch):
+def place_robot(robot, base, q, scratch):
     """Frames and vertices of a configuration relative to its base, whose position is returned.
 
     Args:
-        scene: a `PackedScene`.
+        robot: a `PackedRobot`.
         base: number of leading joints that move the base and with it the disc.
         q: joint positions, shape (n,).
         scratch: frames, vertices and centres are written.
+
+    Returns:
+        (x, y): the position of the base, m.
     """
-    link_frames(scene, q, scratch.frames)
-    place_shapes(scene.robot, scratch.frames, scratch.vertices, scratch.centres)
+    link_frames(robot, q, scratch.frames)
+    place_shapes(robot.shapes, scratch.frames, scratch.vertices, scratch.centres)
     x, y = scratch.frames[base, 0], scratch.frames[base, 1]
     for array in (scratch.frames, scratch.vertices):
         for i in range(array.shape[0]):
@@ -200,7 +209,7 @@ def _give_edge(speed, disc, scratch):
 
 
 @kernel
-def lift_to_axis(robot, d0, vertices, disc, near):
+def lift_to_axis(shapes, d0, vertices, disc, near):
     """Give nodes beside the middle of a passage the distance that its middle has.
 
     Between two links the distance is largest halfway and falls on both sides, so that nodes off the
@@ -208,7 +217,7 @@ def lift_to_axis(robot, d0, vertices, disc, near):
     middle lies within REACH cells uphill of a node near the wall, the node stands for it.
 
     Args:
-        robot: the robot's `PackedShapes`.
+        shapes: the robot's `PackedShapes`.
         d0: thickness of the wall, m.
         vertices: placed, shape (V, 2), m.
         disc: a `Disc`.
@@ -218,18 +227,18 @@ def lift_to_axis(robot, d0, vertices, disc, near):
     for k in range(near.shape[0]):
         d = near[k]
         if d0 - reach < d < d0 + BAND * disc.h:
-            _, _, _, _, n_x, n_y = point_distance(robot, vertices, disc.x[k], disc.y[k])
-            up = point_distance(robot, vertices, disc.x[k] + reach * n_x, disc.y[k] + reach * n_y)[0]
+            _, _, _, _, n_x, n_y = point_distance(shapes, vertices, disc.x[k], disc.y[k])
+            up = point_distance(shapes, vertices, disc.x[k] + reach * n_x, disc.y[k] + reach * n_y)[0]
             if up < d + (1.0 - 1e-6) * reach:  # d has slope 1 both ways from the middle
                 near[k] = max(d, 0.5 * (d + up + reach))
 
 
 @batch_kernel
-def solve_disc(robot, speed, disc, second_order, scratch):
+def solve_disc(shapes, speed, disc, second_order, scratch):
     """Escape time of a placed robot at every node of the grid.
 
     Args:
-        robot: the robot's `PackedShapes`.
+        shapes: the robot's `PackedShapes`.
         speed: a `PackedSpeed`.
         disc: a `Disc`.
         second_order: whether second-order marching follows the first-order sweeps.
@@ -238,17 +247,17 @@ def solve_disc(robot, speed, disc, second_order, scratch):
     Returns:
         The solution as a `Field`, which lives in the scratch.
     """
-    distance_map(robot, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
-    lift_to_axis(robot, speed.d0, scratch.vertices, disc, scratch.near)
-    return solve_measured(robot, speed, disc, second_order, scratch)
+    distance_map(shapes, scratch.vertices, disc.x, disc.y, scratch.near, scratch.work)
+    lift_to_axis(shapes, speed.d0, scratch.vertices, disc, scratch.near)
+    return solve_measured(shapes, speed, disc, second_order, scratch)
 
 
 @batch_kernel
-def solve_measured(robot, speed, disc, second_order, scratch):
+def solve_measured(shapes, speed, disc, second_order, scratch):
     """Escape time at every node of the grid, from the nodes' distances.
 
     Args:
-        robot: the `PackedShapes` that a point between the nodes is measured to; without any, its
+        shapes: the `PackedShapes` that a point between the nodes is measured to; without any, its
             distance is interpolated from the nodes.
         speed, disc, second_order: as in `solve_disc`.
         scratch: a `Scratch` with `near` filled.
@@ -270,5 +279,5 @@ def solve_measured(robot, speed, disc, second_order, scratch):
     if second_order:
         sort_by_time(first, scratch.keys[:m], scratch.orders[0, :m], scratch.orders[1, :m])
         march(time, scratch.cost, disc.bound.ravel(), scratch.orders[0, :m], disc.node, disc.axis.shape[0])
-    shape = robot.first, robot.radius, scratch.vertices
+    shape = shapes.first, shapes.radius, scratch.vertices
     return Field(disc.radius, disc.h, disc.axis[0], speed, *shape, scratch.time, scratch.distance)

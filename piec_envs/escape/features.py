@@ -41,13 +41,13 @@ def feature_count(segments: int) -> int:
 
 
 @kernel
-def place_skeleton(scene, base, tip, q, frames, skeleton, lane):
+def place_skeleton(robot, base, tip, q, frames, skeleton, lane):
     """Write the skeleton of a configuration into one lane.
 
     Args:
-        scene: a `PackedScene`.
+        robot: a `PackedRobot`.
         base: number of leading joints that move the base.
-        tip: the robot's tip in its last frame, (x, y), m.
+        tip: the robot's tip in its last frame, shape (2,), m.
         q: joint positions, shape (n,).
         frames: scratch, shape (n + 1, 4).
         skeleton: output, shape (L + 1, 2, LANES), m.
@@ -56,7 +56,7 @@ def place_skeleton(scene, base, tip, q, frames, skeleton, lane):
     Returns:
         (x, y, cos, sin) of the frame that the skeleton is written in.
     """
-    link_frames(scene, q, frames)
+    link_frames(robot, q, frames)
     x, y, c, s = frames[base + 1, 0], frames[base + 1, 1], frames[base + 1, 2], frames[base + 1, 3]
     last = q.shape[0]
     for m in range(skeleton.shape[0]):
@@ -221,23 +221,23 @@ def describe_back(p, skeleton, gaps, x, g_x, g, g_p, g_skeleton):
 
 
 @kernel
-def joint_gradient(scene, base, p_x, p_y, turn, lane, skeleton, g_p, g_skeleton, out):
+def joint_gradient(robot, base, p_x, p_y, turn, lane, skeleton, g_p, g_skeleton, out):
     """Gradient in the joints that turn, from that in the point and the skeleton.
 
     Turning the arm by the first of them is turning the point back; a later one turns what lies beyond it.
 
     Args:
-        scene, base: as in `place_skeleton`.
+        robot, base: as in `place_skeleton`.
         p_x, p_y: the point in the frame of the skeleton, m.
         turn: factor on every gradient.
         lane: which one.
         skeleton, g_p, g_skeleton: as in `describe_back`.
         out: output, shape (n,); entries of the base's joints stay as they are.
     """
-    out[base] = turn * scene.joint_axis[base, 2] * (g_p[0, lane] * p_y - g_p[1, lane] * p_x)
+    out[base] = turn * robot.joint_axis[base, 2] * (g_p[0, lane] * p_y - g_p[1, lane] * p_x)
     for j in range(1, skeleton.shape[0] - 1):
         x, y, total = skeleton[j, 0, lane], skeleton[j, 1, lane], 0.0
         for m in range(j + 1, skeleton.shape[0]):
             total += g_skeleton[m, 1, lane] * (skeleton[m, 0, lane] - x)
             total -= g_skeleton[m, 0, lane] * (skeleton[m, 1, lane] - y)
-        out[base + j] = turn * scene.joint_axis[base + j, 2] * total
+        out[base + j] = turn * robot.joint_axis[base + j, 2] * total

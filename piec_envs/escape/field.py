@@ -15,11 +15,19 @@ from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.table import TableField, can_tabulate
 from piec_envs.escape.weights import has_weights
-from piec_envs.kernels import kernel
+from piec_envs.kernels import batch_kernel
 from piec_envs.world.robots import get_robot
 
 CAGING_SCALE = 0.02  # 1/s: caging = 0.02 T, the scale of the paper's plots
-REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max}
+HARD_WALL = {"resolution": 100, "method": "marching"}  # of the field that decides what is enclosed
+
+
+def _mean(times: np.ndarray, axis: int) -> np.ndarray:
+    """`np.mean`, in a third of its time on few numbers."""
+    return np.add.reduce(times, axis=axis) / times.shape[axis]
+
+
+REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": _mean, "max": np.max}
 
 
 class EscapeField(Protocol):
@@ -42,19 +50,19 @@ class EscapeField(Protocol):
         ...
 
     def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
-        """T of points, s."""
+        """T of points; see `BatchedField.query`."""
         ...
 
     def point_gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(T, dT_dp)."""
+        """T of points and dT_dp; see `BatchedField.point_gradients`."""
         ...
 
     def gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(T, dT_dp, dT_dq)."""
+        """T of points, dT_dp and dT_dq; see `BatchedField.gradients`."""
         ...
 
     def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
-        """Fastest way out for a point, shape (m, 2), m."""
+        """Fastest way out for a point; see `BatchedField.escape_path`."""
         ...
 
     def solve(self, q_r: np.ndarray) -> FieldMap:
@@ -105,6 +113,16 @@ def resolve_field(choice: str | Mapping[str, Any], robot_name: str) -> str | Map
 
     That is `table` for robots whose field can be tabulated, since nothing is more exact or quicker, else
     `network` where weights ship for the robot, else `grid`.
+
+    Args:
+        choice: a name, "auto", or a mapping of the field's arguments.
+        robot_name: a row of the table of robots.
+
+    Returns:
+        The choice; "auto" is replaced by a row of the table of fields.
+
+    Raises:
+        UnknownNameError: for "auto", if there is no such robot.
     """
     if choice != "auto":
         return choice
@@ -121,6 +139,9 @@ def choose_field(choice: str | Mapping[str, Any], robot_name: str, **options) ->
         robot_name: a row of the table of robots.
         options: further arguments of the field.
 
+    Returns:
+        A field, to be treated as read-only.
+
     Raises:
         PiecError: as `make_field` does.
     """
@@ -134,7 +155,7 @@ def _cached_field(name, robot_name, **options):
     return FIELDS[name](robot_name, **options)
 
 
-@kernel
+@batch_kernel
 def _place(key_points, pose, out):
     """out[b, i] = key point i of the object at pose b, shapes (k, 2), (B, 3), (B, k, 2)."""
     for b in range(pose.shape[0]):

@@ -14,15 +14,15 @@ from piec_envs.escape.speed import SpeedModel
 from piec_envs.geometry.kinematics import base_gradient
 from piec_envs.kernels import batch_kernel
 from piec_envs.parallel import run_rows
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 METHODS = {"sweeping": False, "marching": True}  # first order, second order
 DISTANCES = ("polygons", "rdf")
 
 
 @batch_kernel
-def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
+def _answer(lo, hi, robot, speed, disc, plan, q, points, out):
     """Rows lo to hi: one solve each, then every point of the row.
 
     Args:
@@ -35,10 +35,10 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
     times, slopes_p, slopes_q = out
     if hi <= lo:
         return
-    scratch = make_scratch(scene.robot, q.shape[1] + 1, disc)
+    scratch = make_scratch(robot.shapes, q.shape[1] + 1, disc)
     for row in range(lo, hi):
-        b_x, b_y = place_robot(scene, base, q[row], scratch)
-        field = solve_disc(scene.robot, speed, disc, second_order, scratch)
+        b_x, b_y = place_robot(robot, base, q[row], scratch)
+        field = solve_disc(robot.shapes, speed, disc, second_order, scratch)
         for k in range(points.shape[1]):
             x, y = points[row, k, 0] - b_x, points[row, k, 1] - b_y
             t, e_x, e_y = value(field, x, y)
@@ -46,8 +46,8 @@ def _answer(lo, hi, scene, speed, disc, plan, q, points, out):
             if level >= POINT_GRADIENT:
                 slopes_p[row, k] = point_gradient(field, x, y, t, e_x, e_y)
             if level >= ALL_GRADIENTS:
-                configuration_gradient(scene, base, scratch.frames, field, (x, y), slopes_q[row, k])
-                base_gradient(scene, scratch.frames, base, slopes_p[row, k, 0], slopes_p[row, k, 1], slopes_q[row, k])
+                configuration_gradient(robot, base, scratch.frames, field, (x, y), slopes_q[row, k])
+                base_gradient(robot, scratch.frames, base, slopes_p[row, k, 0], slopes_p[row, k, 1], slopes_q[row, k])
 
 
 class GridField(BatchedField):
@@ -92,7 +92,7 @@ class GridField(BatchedField):
         super().__init__(robot_name, robot.dof, speed or SpeedModel())
         self.resolution, self.method, self.threads, self.distance = int(resolution), method, threads, distance
         self._base = robot.base_dof
-        self._scene = pack_scene(robot_name, "circle")
+        self._robot = pack_robot(robot_name)
         self._packed = self.speed.packed()
         self.radius = robot.workspace_radius if radius is None else float(radius)
         self._disc = make_disc(self.radius, self.speed.u_bar, resolution)
@@ -116,13 +116,13 @@ class GridField(BatchedField):
         """See `BatchedField`."""
         if self._spatial is not None:
             return self._spatial.sample(q), np.zeros(2)
-        scratch = make_scratch(self._scene.robot, self._dof + 1, self._disc)
-        base = place_robot(self._scene, self._base, q, scratch)
-        return solve_disc(self._scene.robot, self._packed, self._disc, METHODS[self.method], scratch), np.array(base)
+        scratch = make_scratch(self._robot.shapes, self._dof + 1, self._disc)
+        base = place_robot(self._robot, self._base, q, scratch)
+        return solve_disc(self._robot.shapes, self._packed, self._disc, METHODS[self.method], scratch), np.array(base)
 
     def _answer_rows(self, level, q, points, out):
         if self._spatial is not None:
             self._spatial.answer_rows(level, self.threads, q, points, out)
             return
         plan = METHODS[self.method], self._base, level
-        run_rows(_answer, len(q), self.threads, self._scene, self._packed, self._disc, plan, q, points, out)
+        run_rows(_answer, len(q), self.threads, self._robot, self._packed, self._disc, plan, q, points, out)

@@ -18,6 +18,7 @@ from piec_envs.escape.features import (
 from piec_envs.escape.perceptron import PackedLayers, backward, forward, pack_layers
 from piec_envs.escape.weights import FieldWeights
 from piec_envs.geometry.kinematics import base_gradient, link_frames
+from piec_envs.held import Held
 from piec_envs.kernels import batch_kernel, kernel
 from piec_envs.world.robots import get_robot
 
@@ -27,7 +28,7 @@ SHIFT = 3.0  # T = T_0 exp(softplus(z - SHIFT)), so that an untrained network is
 class PackedNetwork(NamedTuple):
     """A learned field for the compiled kernels."""
 
-    layers: PackedLayers
+    layers: PackedLayers  # the weights
     gaps: tuple[np.ndarray, np.float32]  # `pairs` (K, 2), and the distance at which walls of links meet, m
     tip: np.ndarray  # (2,) m, in the last frame
     base: int  # leading joints that move the base
@@ -55,9 +56,17 @@ class Block(NamedTuple):
 
 
 @batch_kernel
-def make_block(scene, network):
-    """Working memory for one thread."""
-    f32, layers, n = np.float32, network.layers, scene.joint_axis.shape[0]
+def make_block(robot, network):
+    """Working memory for one thread.
+
+    Args:
+        robot: a `PackedRobot`.
+        network: a `PackedNetwork`.
+
+    Returns:
+        A `Block`.
+    """
+    f32, layers, n = np.float32, network.layers, robot.joint_axis.shape[0]
     width, depth, inputs = layers.w_out.shape[0], layers.w.shape[0] + 1, layers.w_in.shape[1]
     points = n - network.base + 1
     return Block(
@@ -78,11 +87,11 @@ def make_block(scene, network):
 
 
 @kernel
-def load_block(scene, network, q, points, first, last, block):
+def load_block(robot, network, q, points, first, last, block):
     """Fill the lanes with the points `first`, `first` + 1, ..., counted row by row; `last` fills the rest.
 
     Args:
-        scene: a `PackedScene`.
+        robot: a `PackedRobot`.
         network: a `PackedNetwork`.
         q: configurations, shape (B, n).
         points: shape (B, k, 2), m.
@@ -94,7 +103,7 @@ def load_block(scene, network, q, points, first, last, block):
         number = min(first + lane, last)
         row = number // columns
         if row != before:
-            place = place_skeleton(scene, network.base, network.tip, q[row], block.frames, block.skeleton, lane)
+            place = place_skeleton(robot, network.base, network.tip, q[row], block.frames, block.skeleton, lane)
             before = row
         else:
             for m in range(block.skeleton.shape[0]):
@@ -131,7 +140,7 @@ def _time(network, z, rho):
 
 
 @kernel
-def _gradients(scene, network, row, lane, block, slope_z, slope_rho, dT_dp, dT_dq):
+def _gradients(robot, network, row, lane, block, slope_z, slope_rho, dT_dp, dT_dq):
     """Write dT/dp (2,) and, unless it is empty, dT/dq (n,) of one lane."""
     p_x, p_y, c, s = block.p[0, lane], block.p[1, lane], block.place[2, lane], block.place[3, lane]
     if network.geometric:
@@ -143,23 +152,36 @@ def _gradients(scene, network, row, lane, block, slope_z, slope_rho, dT_dp, dT_d
     if dT_dq.shape[0] == 0:
         return
     if network.geometric:
-        joint_gradient(scene, network.base, p_x, p_y, slope_z, lane, block.skeleton, block.g_p, block.g_skeleton, dT_dq)
+        joint_gradient(robot, network.base, p_x, p_y, slope_z, lane, block.skeleton, block.g_p, block.g_skeleton, dT_dq)
     else:
         for j in range(network.base, dT_dq.shape[0]):
             dT_dq[j] = slope_z * block.g_x[2 + j - network.base, lane]
     if network.base > 0:
-        link_frames(scene, row, block.frames)
-        base_gradient(scene, block.frames, network.base, dT_dp[0], dT_dp[1], dT_dq)
+        link_frames(robot, row, block.frames)
+        base_gradient(robot, block.frames, network.base, dT_dp[0], dT_dp[1], dT_dq)
 
 
 @batch_kernel
-def answer_rows(lo, hi, scene, network, level, q, points, out):
+def make_answerer(robot, network):
+    """What a thread answers with, held: the robot, the network and scratch.
+
+    Args:
+        robot: a `PackedRobot`.
+        network: a `PackedNetwork`.
+
+    Returns:
+        For `answer_rows`.
+    """
+    return Held((robot, network, make_block(robot, network)))
+
+
+@batch_kernel
+def answer_rows(lo, hi, held, level, q, points, out):
     """Rows lo to hi: every point's T and, as far as the level asks, its gradients.
 
     Args:
         lo, hi: row range.
-        scene: a `PackedScene`.
-        network: a `PackedNetwork`.
+        held: from `make_answerer`.
         level: VALUE, POINT_GRADIENT or ALL_GRADIENTS.
         q: configurations, shape (B, n).
         points: shape (B, k, 2), m.
@@ -169,10 +191,10 @@ def answer_rows(lo, hi, scene, network, level, q, points, out):
     columns = points.shape[1]
     if hi <= lo or columns == 0:
         return
-    block = make_block(scene, network)
+    robot, network, block = held.value
     for first in range(lo * columns, hi * columns, LANES):
         last = min(first + LANES, hi * columns) - 1
-        load_block(scene, network, q, points, first, last, block)
+        load_block(robot, network, q, points, first, last, block)
         forward(network.layers, block.x, block.hidden, block.slope, block.z)
         if level > VALUE:
             backward(network.layers, block.slope, block.g, block.g_x)
@@ -187,19 +209,28 @@ def answer_rows(lo, hi, scene, network, level, q, points, out):
             t, slope_z, slope_rho = _time(network, block.z[lane], np.hypot(b_x, b_y))
             times[row, k] = t
             if level > VALUE:
-                _gradients(scene, network, q[row], lane, block, slope_z, slope_rho, slopes_p[row, k], slopes_q[row, k])
+                _gradients(robot, network, q[row], lane, block, slope_z, slope_rho, slopes_p[row, k], slopes_q[row, k])
 
 
 @batch_kernel
-def describe_rows(lo, hi, scene, network, q, points, out):
-    """Network inputs of every point of rows lo to hi, `out` of shape (B, k, F)."""
+def describe_rows(lo, hi, robot, network, q, points, out):
+    """Network inputs of every point of rows lo to hi - 1.
+
+    Args:
+        lo, hi: row range.
+        robot: a `PackedRobot`.
+        network: a `PackedNetwork`.
+        q: joint positions, shape (B, n), rad or m.
+        points: shape (B, k, 2), m.
+        out: output, shape (B, k, F).
+    """
     columns = points.shape[1]
     if hi <= lo or columns == 0:
         return
-    block = make_block(scene, network)
+    block = make_block(robot, network)
     for first in range(lo * columns, hi * columns, LANES):
         last = min(first + LANES, hi * columns) - 1
-        load_block(scene, network, q, points, first, last, block)
+        load_block(robot, network, q, points, first, last, block)
         for number in range(first, last + 1):
             row = number // columns
             for f in range(out.shape[2]):
@@ -207,7 +238,15 @@ def describe_rows(lo, hi, scene, network, q, points, out):
 
 
 def meeting_distance(robot_name: str, d0: float) -> float:
-    """Distance between the skeletons of two links at which the walls around them meet, m."""
+    """Distance between the skeletons of two links at which the walls around them meet.
+
+    Args:
+        robot_name: a row of the table of robots.
+        d0: thickness of the wall, m.
+
+    Returns:
+        2 (half width of a link + d0), m.
+    """
     return 2 * (get_robot(robot_name).half_width + d0)
 
 

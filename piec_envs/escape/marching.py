@@ -55,9 +55,10 @@ def march(time, cost, least, order, node, width):
     """Second-order arrival times of the nodes, one after the other.
 
     Args:
-        time: T on the grid, flat, s: given on the boundary, FAR elsewhere; updated in place.
+        time: T on the grid, flat, shape (nodes,), s: given on the boundary, FAR elsewhere; updated
+            in place.
         cost: slowness times cell size of the free nodes, shape (M,), s.
-        least: lower bound of T on the grid, flat, s.
+        least: lower bound of T on the grid, flat, shape (nodes,), s.
         order: the free nodes in order of arrival, shape (M,).
         node: flat index of each free node, shape (M,); two rings of nodes around the grid are not free.
         width: nodes per row.
@@ -111,7 +112,15 @@ def fast_march(slowness: np.ndarray, boundary: np.ndarray, h: float, least: floa
 
 
 def march_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0) -> np.ndarray:
-    """`fast_march` in plain Python: accept the least tentative time, recompute its neighbours."""
+    """`fast_march` in plain Python: accept the least tentative time, recompute its neighbours.
+
+    Args:
+        slowness, boundary, h: as in `fast_march`.
+        least: a known lower bound of T, one for all nodes, s.
+
+    Returns:
+        T, shape (n, m), s; inf where no path leads to the boundary.
+    """
     time = np.pad(boundary.astype(float), 2, constant_values=np.inf)
     cost = np.pad(slowness * h, 2, constant_values=np.inf)
     known = np.isfinite(time)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +12,13 @@ from piec_envs.errors import WeightsError
 from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import Field
 from piec_envs.escape.grid import GridField
-from piec_envs.escape.inference import answer_rows, describe_rows, pack_network
+from piec_envs.escape.inference import answer_rows, describe_rows, make_answerer, pack_network
 from piec_envs.escape.weights import FieldWeights, find_weights, shipped_file
+from piec_envs.held import PerThread
 from piec_envs.parallel import run_rows
-from piec_envs.world.scene import pack_scene
+from piec_envs.world.packed import pack_robot
 
+POINT_WORK = 0.5  # us of a point, about
 PICTURE_RESOLUTION = 100  # nodes a side where the whole field is asked
 
 
@@ -41,11 +45,12 @@ class NetworkField(BatchedField):
         weights: str | os.PathLike | FieldWeights = "network",
         threads: int | None = None,
     ):
-        self._scene = pack_scene(robot_name, "circle")
+        self._robot = pack_robot(robot_name)
         self.weights, self.threads = find_weights(robot_name, weights), threads
         self._source = None if isinstance(weights, FieldWeights) else str(weights)
-        super().__init__(robot_name, self._scene.joint_axis.shape[0], self.weights.speed)
+        super().__init__(robot_name, self._robot.joint_axis.shape[0], self.weights.speed)
         self._network = pack_network(self.weights)
+        self._answerers = PerThread(partial(make_answerer, self._robot, self._network))
         self._grid = GridField(robot_name, PICTURE_RESOLUTION, speed=self.weights.speed, threads=threads)
 
     def __reduce__(self) -> tuple:
@@ -72,7 +77,7 @@ class NetworkField(BatchedField):
         """
         points, q, _ = self._rows(points, q_r)
         out = np.empty((*points.shape[:2], len(self.weights.arrays["mean"])), dtype=np.float32)
-        run_rows(describe_rows, len(q), self.threads, self._scene, self._network, q, points, out)
+        run_rows(describe_rows, len(q), self.threads, self._robot, self._network, q, points, out)
         return out
 
     def sample(self, q: np.ndarray) -> tuple[Field, np.ndarray]:
@@ -85,4 +90,10 @@ class NetworkField(BatchedField):
         return field, base
 
     def _answer_rows(self, level, q, points, out):
-        run_rows(answer_rows, len(q), self.threads, self._scene, self._network, level, q, points, out)
+        work = POINT_WORK * points.shape[0] * points.shape[1]
+        run_rows(_answer_rows, len(q), self.threads, self._answerers, level, q, points, out, work=work)
+
+
+def _answer_rows(lo: int, hi: int, answerers: PerThread, *arrays: Any) -> None:
+    """`answer_rows` with this thread's scratch."""
+    answer_rows(lo, hi, answerers.held, *arrays)

@@ -17,7 +17,7 @@ from piec_envs.escape.disc import make_disc, make_scratch, solve_disc
 from piec_envs.escape.grid import METHODS
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.kernels import batch_kernel
-from piec_envs.world.scene import pack_shapes
+from piec_envs.world.packed import pack_shapes
 from piec_envs.world.shapes import RoundedPolygon
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from piec_envs.escape.between import distance_at, value
 from piec_envs.escape.speed import slowness, slowness_slope
 from piec_envs.escape.sweeping import FAR
-from piec_envs.geometry.distance import point_distance
+from piec_envs.geometry.body import point_distance
 from piec_envs.geometry.kinematics import point_velocity
 from piec_envs.kernels import batch_kernel, kernel
 
@@ -109,22 +109,22 @@ def trace(field, x, y, path):
 
 
 @kernel
-def _add_segment(scene, base, frames, field, x, y, to_x, to_y, out):
+def _add_segment(robot, base, frames, field, x, y, to_x, to_y, out):
     """Add one segment's share of dT/dq to `out`, shape (n,)."""
-    robot, length = scene.robot, np.hypot(to_x - x, to_y - y)
-    d, shape, s_x, s_y, n_x, n_y = point_distance(robot, field.vertices, 0.5 * (x + to_x), 0.5 * (y + to_y))
+    length = np.hypot(to_x - x, to_y - y)
+    d, shape, s_x, s_y, n_x, n_y = point_distance(robot.shapes, field.vertices, 0.5 * (x + to_x), 0.5 * (y + to_y))
     weight = slowness_slope(field.speed, d) * length
-    for j in range(base, robot.frame[shape]):
-        v_x, v_y = point_velocity(scene, frames, j, s_x, s_y)
+    for j in range(base, robot.shapes.frame[shape]):
+        v_x, v_y = point_velocity(robot, frames, j, s_x, s_y)
         out[j] -= weight * (n_x * v_x + n_y * v_y)
 
 
 @batch_kernel
-def configuration_gradient(scene, base, frames, field, point, out):
+def configuration_gradient(robot, base, frames, field, point, out):
     """dT/dq_r at a point, by the envelope theorem along its escape path.
 
     Args:
-        scene: a `PackedScene`.
+        robot: a `PackedRobot`.
         base: number of leading joints that only move the base.
         frames: relative to the base, shape (n + 1, 4).
         field: a `Field`.
@@ -138,5 +138,5 @@ def configuration_gradient(scene, base, frames, field, point, out):
     while 0.0 < t < np.inf and steps > 0:
         steps -= 1
         to_x, to_y, t, e_x, e_y = advance(field, GRADIENT_STEP * field.h, x, y, t, e_x, e_y)
-        _add_segment(scene, base, frames, field, x, y, to_x, to_y, out)
+        _add_segment(robot, base, frames, field, x, y, to_x, to_y, out)
         x, y = to_x, to_y

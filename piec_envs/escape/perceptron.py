@@ -28,14 +28,21 @@ class PackedLayers(NamedTuple):
     w: np.ndarray  # (depth - 1, H, H)
     b: np.ndarray  # (depth - 1, H)
     w_out: np.ndarray  # (H,)
-    b_out: np.float32
+    b_out: np.float32  # of the one output
     transposed_in: np.ndarray  # (F, H)
     transposed: np.ndarray  # (depth - 1, H, H)
     zero: np.ndarray  # (max(F, H),)
 
 
 def pack_layers(w_in, b_in, w, b, w_out, b_out) -> PackedLayers:
-    """Pack the weights of a perceptron; shapes as in `PackedLayers`, F of any size."""
+    """Pack the weights of a perceptron.
+
+    Args:
+        w_in, b_in, w, b, w_out, b_out: shapes as in `PackedLayers`, F of any size.
+
+    Returns:
+        The same as float32, F padded, and what serves the gradient.
+    """
     padding = -w_in.shape[1] % BLOCK
     w_in, w = np.pad(w_in, ((0, 0), (0, padding))).astype(np.float32), np.ascontiguousarray(w, dtype=np.float32)
     return PackedLayers(
@@ -108,7 +115,7 @@ def backward(layers, slope, g, g_x):
 
     Args:
         layers: a `PackedLayers`.
-        slope: from `forward`.
+        slope: of the activations, from `forward`, shape (depth, H, LANES).
         g: scratch, shape (2, H, LANES).
         g_x: output, shape (F, LANES).
     """

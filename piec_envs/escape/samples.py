@@ -6,11 +6,11 @@ import numpy as np
 
 from piec_envs.errors import check_name
 from piec_envs.escape.speed import distance_map
-from piec_envs.geometry.distance import self_distance
+from piec_envs.geometry.batched import robot_vertices, self_distances
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 CURL = (0.6, 2.6)  # rad, by which every turning joint but the first bends in a curled configuration
 CLOSING = (0.0, 0.1)  # m, range of the distance between two links in a closing configuration
@@ -18,42 +18,14 @@ CURLED_REACH = 0.35  # m, points of the curled set lie this close to the robot's
 
 
 @batch_kernel
-def _distances(scene, q, points, out):
+def _distances(robot, q, points, out):
     frames = np.empty((q.shape[1] + 1, 4))
-    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
+    vertices, centres = np.empty_like(robot.shapes.vertices), np.empty_like(robot.shapes.centre)
     work = np.empty((2, points.shape[1]))
     for row in range(q.shape[0]):
-        link_frames(scene, q[row], frames)
-        place_shapes(scene.robot, frames, vertices, centres)
-        distance_map(scene.robot, vertices, points[row, :, 0], points[row, :, 1], out[row], work)
-
-
-@batch_kernel
-def _vertices(scene, q, out):
-    frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(scene.robot.centre)
-    for row in range(q.shape[0]):
-        link_frames(scene, q[row], frames)
-        place_shapes(scene.robot, frames, out[row], centres)
-
-
-@batch_kernel
-def _self_distances(scene, q, out):
-    """Least distance between links that could collide, shape (B,), m."""
-    frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(scene.robot.centre)
-    vertices = np.empty_like(scene.robot.vertices)
-    for row in range(q.shape[0]):
-        link_frames(scene, q[row], frames)
-        place_shapes(scene.robot, frames, vertices, centres)
-        out[row] = self_distance(scene, vertices)
-    return out
-
-
-def robot_vertices(robot_name: str, q_r: np.ndarray) -> np.ndarray:
-    """World vertices of a robot's shapes, shapes (B, V, 2) and (B, n), m."""
-    scene, q = pack_scene(robot_name, "circle"), np.ascontiguousarray(q_r, dtype=float)
-    out = np.empty((len(q), *scene.robot.vertices.shape))
-    _vertices(scene, q, out)
-    return out
+        link_frames(robot, q[row], frames)
+        place_shapes(robot.shapes, frames, vertices, centres)
+        distance_map(robot.shapes, vertices, points[row, :, 0], points[row, :, 1], out[row], work)
 
 
 def robot_distance(robot_name: str, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
@@ -70,7 +42,7 @@ def robot_distance(robot_name: str, points: np.ndarray, q_r: np.ndarray) -> np.n
     points, q = np.asarray(points, dtype=float), np.asarray(q_r, dtype=float)
     columns = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))  # (B, k, 2)
     out = np.empty(columns.shape[:2])
-    _distances(pack_scene(robot_name, "circle"), np.ascontiguousarray(q.reshape(len(columns), -1)), columns, out)
+    _distances(pack_robot(robot_name), np.ascontiguousarray(q.reshape(len(columns), -1)), columns, out)
     return out.reshape(points.shape[:-1])
 
 
@@ -96,7 +68,7 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
         kept = np.empty((0, get_robot(robot_name).dof))
         while len(kept) < rows:
             q = draw_configurations(robot_name, "curled", 2 * rows, rng)
-            gap = _self_distances(pack_scene(robot_name, "circle"), q, np.empty(len(q)))
+            gap = self_distances(robot_name, q, threads=1)
             if np.isinf(gap).all():
                 return q[:rows]
             kept = np.concatenate([kept, q[(gap >= CLOSING[0]) & (gap <= CLOSING[1])]])

@@ -18,9 +18,9 @@ from piec_envs.geometry.rdf import panda_distance_field
 from piec_envs.geometry.rdf.kernels import arm_distance, arm_slope, joint_slope, make_rdf_scratch
 from piec_envs.kernels import batch_kernel, kernel
 from piec_envs.parallel import run_rows
+from piec_envs.world.packed import PackedShapes
 from piec_envs.world.robots.franka import ACTIVE, PLANE, all_joints
 from piec_envs.world.robots.panda import body_frames
-from piec_envs.world.scene import PackedShapes
 
 ROBOTS_IN_SPACE = ("franka",)
 _NONE, _PAIRS, _ROWS = np.empty(0), np.empty((0, 2)), np.empty(0, dtype=np.int64)
@@ -133,6 +133,14 @@ class SpatialDisc:
         return _solve(*self._fixed, frames, self._speed, self._disc, self._second_order, scratch)
 
     def answer_rows(self, level: int, threads: int | None, q: np.ndarray, points: np.ndarray, out: tuple) -> None:
-        """Fill `out` for configurations (B, n) and points (B, k, 2); see `BatchedField`."""
+        """Fill `out` with the escape times of a batch, and gradients as far as the level asks.
+
+        Args:
+            level: VALUE, POINT_GRADIENT or ALL_GRADIENTS of `piec_envs.escape.base`.
+            threads: over the rows; None takes all cores.
+            q: joint positions, shape (B, n), rad.
+            points: shape (B, k, 2), m.
+            out: output, T (B, k), s, dT_dp (B, k, 2), s/m, and dT_dq (B, k, n), s/rad.
+        """
         plan, frames = (self._second_order, level), body_frames(all_joints(q))
         run_rows(_answer, len(q), threads, *self._fixed, self._speed, self._disc, plan, frames, points, out)

@@ -21,12 +21,12 @@ class PackedSpeed(NamedTuple):
     """The numbers of a `SpeedModel` for the compiled kernels."""
 
     u_bar: float  # m/s
-    a_min: float
+    a_min: float  # share of u_bar
     tau: float  # m
     s: float  # 1/m
     d0: float  # m
-    floor: float
-    leak: float
+    floor: float  # share of u_bar
+    leak: float  # share of u_bar
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,9 @@ def slowness(speed, d):
     Args:
         speed: a `PackedSpeed`.
         d: signed distance to the robot, m.
+
+    Returns:
+        The slowness, s/m.
     """
     e = decay(-speed.s * (d - speed.tau))
     inverse = (1.0 + e) / (1.0 + speed.a_min * e)  # 1 / alpha
@@ -125,6 +128,9 @@ def slowness_slope(speed, d):
     Args:
         speed: a `PackedSpeed`.
         d: signed distance to the robot, m.
+
+    Returns:
+        The slope, s/m^2.
     """
     if d <= speed.d0:
         return 0.0
@@ -179,23 +185,23 @@ def _lower_to_polygon(corners, radius, x, y, distance, square, depth):
 
 
 @batch_kernel
-def distance_map(robot, vertices, x, y, distance, work):
+def distance_map(shapes, vertices, x, y, distance, work):
     """Signed distance to the robot at many points: `point_distance`, shape by shape, in loops that vectorise.
 
     Args:
-        robot: the robot's `PackedShapes`.
+        shapes: the robot's `PackedShapes`.
         vertices: world vertices from `place_shapes`, shape (V, 2), m.
         x, y: the points, shape (M,), m.
         distance: output, shape (M,), m.
         work: scratch, shape (2, M).
     """
     distance[:] = np.inf
-    for i in range(robot.radius.shape[0]):
-        first, last = robot.first[i], robot.first[i + 1]
+    for i in range(shapes.radius.shape[0]):
+        first, last = shapes.first[i], shapes.first[i + 1]
         if last - first < 3:
-            _lower_to_capsule(vertices[first], vertices[last - 1], robot.radius[i], x, y, distance)
+            _lower_to_capsule(vertices[first], vertices[last - 1], shapes.radius[i], x, y, distance)
         else:
-            _lower_to_polygon(vertices[first:last], robot.radius[i], x, y, distance, work[0], work[1])
+            _lower_to_polygon(vertices[first:last], shapes.radius[i], x, y, distance, work[0], work[1])
 
 
 @kernel

@@ -135,8 +135,9 @@ def sweep_to_rest(field, cost, least, layout):
 
     Args:
         field: T in both layouts, shape (2, n + m - 1, m), updated in place; free nodes start at FAR.
-        cost: slowness times cell size in both layouts; WALL in hard walls.
-        least: lower bound of T in both layouts; FAR at nodes that are not free, which keeps them as they are.
+        cost: slowness times cell size in both layouts, of the same shape, s; WALL in hard walls.
+        least: lower bound of T in both layouts, of the same shape, s; FAR at nodes that are not
+            free, which keeps them as they are.
         layout: the `Diagonals`.
 
     Returns:
@@ -187,7 +188,16 @@ def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | n
 
 
 def check_scene(slowness: np.ndarray, boundary: np.ndarray) -> None:
-    """Raise InvalidParameterError unless a slowness map and its boundary values make a scene."""
+    """Refuse a slowness map and boundary values that make no scene.
+
+    Args:
+        slowness: 1 / speed at each node, shape (n, m), s/m.
+        boundary: T where it is given, inf elsewhere, shape (n, m), s.
+
+    Raises:
+        InvalidParameterError: if the shapes differ, a slowness is not positive, or one is infinite
+            where the boundary gives T.
+    """
     if slowness.shape != boundary.shape or slowness.ndim != 2:
         raise InvalidParameterError(
             f"slowness and boundary must have one shape (n, m), got {slowness.shape} and {boundary.shape}"
@@ -197,7 +207,15 @@ def check_scene(slowness: np.ndarray, boundary: np.ndarray) -> None:
 
 
 def sweep_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0) -> np.ndarray:
-    """`sweep` in plain Python: Gauss-Seidel over all nodes in four orders until nothing changes."""
+    """`sweep` in plain Python: Gauss-Seidel over all nodes in four orders until nothing changes.
+
+    Args:
+        slowness, boundary, h: as in `sweep`.
+        least: a known lower bound of T, one for all nodes, s.
+
+    Returns:
+        T, shape (n, m), s; inf where no path leads to the boundary.
+    """
     time = np.pad(boundary.astype(float), 1, constant_values=np.inf)
     cost = np.pad(slowness * h, 1, constant_values=np.inf)
     free = np.argwhere(np.isinf(time) & np.isfinite(cost))

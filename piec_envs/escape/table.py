@@ -16,13 +16,15 @@ from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.table_file import kept_table
 from piec_envs.escape.table_key import table_key
 from piec_envs.escape.tabulation import STRIDE, PackedTable, fine_disc, interpolate_rows, tabulate
+from piec_envs.held import Keeper
 from piec_envs.parallel import notice, run_rows
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import Robot, get_robot
-from piec_envs.world.scene import pack_scene
 
 INNER_JOINTS = 2  # that turn, after the first one
 SPACINGS = (0.01, 0.5)  # rad
 MAX_BYTES = 1e9
+POINT_WORK = 0.15  # us of a point, about
 
 
 class TableField(BatchedField):
@@ -62,8 +64,9 @@ class TableField(BatchedField):
             raise InvalidParameterError("a hard wall (leak 0) has infinite times, which no table holds; use 'grid'")
         self.resolution, self.threads = as_count("resolution", resolution, MIN_RESOLUTION), threads
         self.spacing = _checked_spacing(spacing)
-        self._scene = pack_scene(robot_name, "circle")
+        self._robot = pack_robot(robot_name)
         self._table = self._make(robot)
+        self._packed = Keeper((self._robot, self._table))
         self._grid = GridField(robot_name, PICTURE_RESOLUTION, speed=self.speed, threads=threads)
 
     @property
@@ -105,7 +108,7 @@ class TableField(BatchedField):
         def solve() -> np.ndarray:
             """Make the table, and say so if it takes long."""
             with notice(f"solving the escape table of {self.robot_name} (first use only)"):
-                return tabulate(self._scene, self.speed, disc, axes, self.threads)
+                return tabulate(self._robot, self.speed, disc, axes, self.threads)
 
         return PackedTable(
             excess=kept_table("escape", self._key(robot, axes), shape, solve),
@@ -120,14 +123,16 @@ class TableField(BatchedField):
 
     def _key(self, robot: Robot, axes: tuple) -> str:
         """What the file of the table is found by; a base that slides has no part in it."""
-        base, scene = robot.base_dof, self._scene
-        joints = scene.joint_origin[base:], scene.joint_axis[base:]
-        shapes = scene.robot._replace(frame=scene.robot.frame - base)
+        base = robot.base_dof
+        packed = self._robot
+        joints = packed.joint_origin[base:], packed.joint_axis[base:]
+        shapes = packed.shapes._replace(frame=packed.shapes.frame - base)
         grid = robot.workspace_radius, self.resolution
         return table_key(joints, shapes, self.speed.packed(), grid, axes)
 
     def _answer_rows(self, level, q, points, out):
-        run_rows(interpolate_rows, len(q), self.threads, self._scene, self._table, level, q, points, out)
+        work = POINT_WORK * points.shape[0] * points.shape[1]
+        run_rows(interpolate_rows, len(q), self.threads, self._packed.held, level, q, points, out, work=work)
 
 
 def can_tabulate(robot: Robot) -> bool:

@@ -42,7 +42,19 @@ class PackedTable(NamedTuple):
 
 
 def fine_disc(radius: float, u_bar: float, resolution: int) -> Disc:
-    """The solver's grid for a table of `resolution` nodes a side; every second line is one of the table."""
+    """The solver's grid for a table; every second line of it is one of the table's.
+
+    Args:
+        radius: of the workspace, m.
+        u_bar: speed in free space, m/s.
+        resolution: nodes a side of the table.
+
+    Returns:
+        The grid, of 2 (resolution - 1) + 1 nodes a side.
+
+    Raises:
+        InvalidParameterError: as `make_disc` does.
+    """
     return make_disc(radius, u_bar, STRIDE * (resolution - 1) + 1)
 
 
@@ -103,25 +115,25 @@ def _continue_into_wall(speed, disc, scratch):
 
 
 @batch_kernel
-def _tabulate(lo, hi, scene, speed, disc, base, q, out):
+def _tabulate(lo, hi, robot, speed, disc, base, q, out):
     """E of configurations lo to hi on the coarse grid, `out` of shape (Q, N, N)."""
     if hi <= lo:
         return
-    scratch = make_scratch(scene.robot, q.shape[1] + 1, disc)
+    scratch = make_scratch(robot.shapes, q.shape[1] + 1, disc)
     for row in range(lo, hi):
-        place_robot(scene, base, q[row], scratch)
-        solve_disc(scene.robot, speed[0], disc, True, scratch)
+        place_robot(robot, base, q[row], scratch)
+        solve_disc(robot.shapes, speed[0], disc, True, scratch)
         _continue_into_wall(speed, disc, scratch)
         for i in range(out.shape[1]):
             for j in range(out.shape[2]):
                 out[row, i, j] = scratch.time[STRIDE * i, STRIDE * j] - disc.bound[STRIDE * i, STRIDE * j]
 
 
-def tabulate(scene, speed: SpeedModel, disc: Disc, axes: tuple, threads: int | None) -> np.ndarray:
+def tabulate(robot, speed: SpeedModel, disc: Disc, axes: tuple, threads: int | None) -> np.ndarray:
     """The excess over two joints and the points, from second-order marching.
 
     Args:
-        scene: the `PackedScene` of the robot.
+        robot: a `PackedRobot`.
         speed: with a leaky wall.
         disc: from `fine_disc`.
         axes: joint positions of the nodes of the last two joints, shapes (A,) and (B,), rad.
@@ -130,14 +142,14 @@ def tabulate(scene, speed: SpeedModel, disc: Disc, axes: tuple, threads: int | N
     Returns:
         E, shape (A, B, N, N), float32, s.
     """
-    joints = scene.joint_axis.shape[0]
+    joints = robot.joint_axis.shape[0]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)  # (A B, 2)
     q = np.hstack([np.zeros((len(nodes), joints - 2)), nodes])  # (A B, n)
     side = len(disc.axis[::STRIDE])
     out = np.empty((len(q), side, side), dtype=np.float32)
     packed = speed.packed()
     pair = packed, packed._replace(d0=-np.inf)
-    run_rows(_tabulate, len(q), threads, scene, pair, disc, joints - 3, q, out)
+    run_rows(_tabulate, len(q), threads, robot, pair, disc, joints - 3, q, out)
     return out.reshape(*map(len, axes), side, side)
 
 
@@ -181,24 +193,24 @@ def _excess(table, cell_a, cell_b, x, y):
 
 
 @batch_kernel
-def interpolate_rows(lo, hi, scene, table, level, q, points, out):
+def interpolate_rows(lo, hi, held, level, q, points, out):
     """Rows lo to hi: every point's T and, as far as the level asks, its gradients.
 
     Args:
         lo, hi: row range.
-        scene: a `PackedScene`.
-        table: a `PackedTable`.
+        held: (`PackedRobot`, `PackedTable`), held.
         level: VALUE, POINT_GRADIENT or ALL_GRADIENTS.
         q: configurations, shape (B, n).
         points: shape (B, k, 2), m.
         out: T (B, k), dT_dp (B, k, 2) and dT_dq (B, k, n), empty beyond the level.
     """
+    robot, table = held.value
     (times, slopes_p, slopes_q), first = out, table.base
     frames = np.zeros((q.shape[1] + 1, 4))
-    axis = scene.joint_axis[first, 2]
+    axis = robot.joint_axis[first, 2]
     for row in range(lo, hi):
         if first > 0:
-            link_frames(scene, q[row], frames)
+            link_frames(robot, q[row], frames)
         cos, sin = np.cos(axis * q[row, first]), np.sin(axis * q[row, first])
         cell_a = _cell((q[row, first + 1] - table.lower[0]) / table.step[0], table.excess.shape[0])
         cell_b = _cell((q[row, first + 2] - table.lower[1]) / table.step[1], table.excess.shape[1])
@@ -218,4 +230,4 @@ def interpolate_rows(lo, hi, scene, table, level, q, points, out):
                 slope = slopes_q[row, k]
                 slope[first] = axis * (e_x * y - e_y * x)
                 slope[first + 1], slope[first + 2] = e_a, e_b
-                base_gradient(scene, frames, first, slopes_p[row, k, 0], slopes_p[row, k, 1], slope)
+                base_gradient(robot, frames, first, slopes_p[row, k, 0], slopes_p[row, k, 1], slope)

@@ -24,8 +24,8 @@ from piec_envs.escape.speed import SpeedModel
 from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
 from piec_envs.sources import source as current_source
 from piec_envs.versions import versions as current_versions
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 FORMAT = "piec-field-1"
 INPUTS = ("skeleton", "raw")
@@ -94,6 +94,11 @@ class FieldWeights:
         if width == 0 or width % BLOCK:
             raise WeightsError(f"the width of the hidden layers must be a multiple of {BLOCK}, got {width}")
 
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the arrays' shapes and bytes."""
+        return array_digest(self.arrays)
+
     def save(self, path: str | os.PathLike) -> Path:
         """Write the npz file and the JSON file beside it, each under a temporary name first.
 
@@ -110,7 +115,7 @@ class FieldWeights:
             "robot": self.robot,
             "geometry": geometry_digest(self.robot),
             "inputs": self.inputs,
-            "arrays": array_digest(self.arrays),
+            "arrays": self.digest,
             "speed": asdict(self.speed),
             "recipe": dict(self.recipe),
             "seed": self.seed,
@@ -156,7 +161,15 @@ class FieldWeights:
 
 
 def input_count(robot_name: str, inputs: str) -> int:
-    """How many numbers a network with that kind of inputs sees."""
+    """How many numbers a network sees.
+
+    Args:
+        robot_name: a row of the table of robots.
+        inputs: "skeleton" or "raw".
+
+    Returns:
+        F.
+    """
     robot = get_robot(robot_name)
     turning = robot.dof - robot.base_dof
     return feature_count(turning) if inputs == "skeleton" else 2 + turning
@@ -172,26 +185,50 @@ def array_digest(arrays: Mapping[str, np.ndarray]) -> str:
 
 def geometry_digest(robot_name: str) -> str:
     """SHA-256 of what the escape field depends on: joints, limits, shapes and the workspace."""
-    scene, robot = pack_scene(robot_name, "circle"), get_robot(robot_name)
-    digest = hashlib.sha256(f"{robot.workspace_radius:.9f}".encode())
-    for array in (scene.joint_origin, scene.joint_axis, scene.lower, scene.upper, scene.robot.first,
-                  scene.robot.vertices, scene.robot.radius, scene.robot.frame):  # fmt: skip
+    robot = pack_robot(robot_name)
+    shapes = robot.shapes
+    joints = robot.joint_origin, robot.joint_axis, robot.lower, robot.upper
+    digest = hashlib.sha256(f"{get_robot(robot_name).workspace_radius:.9f}".encode())
+    for array in (*joints, shapes.first, shapes.vertices, shapes.radius, shapes.frame):
         digest.update(np.round(array, 9).astype(float).tobytes())
     return digest.hexdigest()
 
 
 def shipped_file(robot_name: str, name: str) -> Path:
-    """Where the package keeps the weights of that name for a robot, whether they ship or not."""
+    """Where the package keeps the weights of a name for a robot, whether they ship or not.
+
+    Args:
+        robot_name: a row of the table of robots.
+        name: of the weights.
+
+    Returns:
+        The path of the npz file.
+    """
     return Path(str(files("piec_envs") / "assets" / "fields" / f"{robot_name}-{name}.npz"))
 
 
 def has_weights(robot_name: str, name: str = "network") -> bool:
-    """Whether weights of that name ship for a robot."""
+    """Whether weights of a name ship for a robot.
+
+    Args:
+        robot_name: a row of the table of robots.
+        name: of the weights.
+
+    Returns:
+        Whether the file is there.
+    """
     return shipped_file(robot_name, name).is_file()
 
 
 def find_weights(robot_name: str, weights: str | os.PathLike | FieldWeights) -> FieldWeights:
     """Weights by the name under which they ship, by the path of a file, or as they are.
+
+    Args:
+        robot_name: a row of the table of robots, for which they must be.
+        weights: a name, a path, or the weights.
+
+    Returns:
+        The weights.
 
     Raises:
         WeightsError: if there are none, or they are for another robot.

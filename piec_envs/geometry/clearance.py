@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from piec_envs.geometry.body import make_placed, place_object, place_robot
 from piec_envs.geometry.distance import core_distance
-from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity, pose_frame
+from piec_envs.geometry.kinematics import point_velocity
 from piec_envs.kernels import batch_kernel, kernel
 
 FLUSH = 1e-9  # m; vertices this far behind the foremost one still count as touching
@@ -40,53 +41,54 @@ def _witness(a, a_first, a_last, b, b_first, b_last, n_x, n_y):
 
 
 @kernel
-def _add_motion(scene, frames, frame, x, y, n_x, n_y, slope):
+def _add_motion(robot, frames, frame, x, y, n_x, n_y, slope):
     """Add n . (velocity of the point (x, y) of a link in that frame) for every joint, shape (n,)."""
     for j in range(frame):
-        v_x, v_y = point_velocity(scene, frames, j, x, y)
+        v_x, v_y = point_velocity(robot, frames, j, x, y)
         slope[j] += n_x * v_x + n_y * v_y
 
 
 @kernel
-def _object_clearances(scene, frames, vertices, object_vertices, phi, slope):
+def _object_clearances(scene, placed, phi, slope):
     """Fill the first links * shapes entries of phi (m,) and, where it has columns, slope (m, n)."""
-    robot, item = scene.robot, scene.object
-    for i in range(robot.radius.shape[0]):
-        a, a_end = robot.first[i], robot.first[i + 1]
+    arm, item = scene.robot.shapes, scene.object.shapes
+    vertices, object_vertices = placed.robot_vertices, placed.object_vertices
+    for i in range(arm.radius.shape[0]):
+        a, a_end = arm.first[i], arm.first[i + 1]
         for k in range(item.radius.shape[0]):
             b, b_end = item.first[k], item.first[k + 1]
             core, n_x, n_y = core_distance(vertices, a, a_end, object_vertices, b, b_end)
-            gap = core - robot.radius[i] - item.radius[k]
-            row = robot.link[i] * item.radius.shape[0] + k
+            gap = core - arm.radius[i] - item.radius[k]
+            row = arm.link[i] * item.radius.shape[0] + k
             if gap >= phi[row]:
                 continue
             phi[row] = gap
             if slope.shape[1] > 0:
                 x, y = _witness(vertices, a, a_end, object_vertices, b, b_end, n_x, n_y)
                 slope[row] = 0.0
-                _add_motion(scene, frames, robot.frame[i], x, y, -n_x, -n_y, slope[row])
+                _add_motion(scene.robot, placed.frames, arm.frame[i], x, y, -n_x, -n_y, slope[row])
 
 
 @kernel
-def _self_clearances(scene, frames, vertices, pairs, phi, slope):
+def _self_clearances(scene, placed, pairs, phi, slope):
     """Fill the last entries of phi, one for each pair of links (P, 2), and of slope likewise."""
-    robot, before = scene.robot, phi.shape[0] - pairs.shape[0]
+    arm, before, vertices = scene.robot.shapes, phi.shape[0] - pairs.shape[0], placed.robot_vertices
     for p in range(pairs.shape[0]):
-        for i in range(robot.radius.shape[0]):
-            for k in range(robot.radius.shape[0]):
-                if robot.link[i] != pairs[p, 0] or robot.link[k] != pairs[p, 1]:
+        for i in range(arm.radius.shape[0]):
+            for k in range(arm.radius.shape[0]):
+                if arm.link[i] != pairs[p, 0] or arm.link[k] != pairs[p, 1]:
                     continue
-                a, a_end, b, b_end = robot.first[i], robot.first[i + 1], robot.first[k], robot.first[k + 1]
+                a, a_end, b, b_end = arm.first[i], arm.first[i + 1], arm.first[k], arm.first[k + 1]
                 core, n_x, n_y = core_distance(vertices, a, a_end, vertices, b, b_end)
-                gap = core - robot.radius[i] - robot.radius[k]
+                gap = core - arm.radius[i] - arm.radius[k]
                 if gap >= phi[before + p]:
                     continue
                 phi[before + p] = gap
                 if slope.shape[1] > 0:
                     x, y = _witness(vertices, a, a_end, vertices, b, b_end, n_x, n_y)
                     slope[before + p] = 0.0
-                    _add_motion(scene, frames, robot.frame[i], x, y, -n_x, -n_y, slope[before + p])
-                    _add_motion(scene, frames, robot.frame[k], x, y, n_x, n_y, slope[before + p])
+                    _add_motion(scene.robot, placed.frames, arm.frame[i], x, y, -n_x, -n_y, slope[before + p])
+                    _add_motion(scene.robot, placed.frames, arm.frame[k], x, y, n_x, n_y, slope[before + p])
 
 
 @batch_kernel
@@ -95,22 +97,18 @@ def clearance_rows(lo, hi, scene, pairs, pose, q, phi, slope):
 
     Args:
         lo, hi: row range.
-        scene: a `PackedScene`.
-        pairs: links to hold apart, shape (P, 2), such as `scene.apart`.
+        scene: a `Scene`.
+        pairs: links to hold apart, shape (P, 2), such as `scene.robot.apart`.
         pose: object poses, shape (B, 3), m and rad.
         q: joint positions, shape (B, n).
         phi: output, shape (B, links * shapes + P), m: link by link the distance to each of the
             object's shapes, then the pairs; negative on overlap.
         slope: output, dphi_dq, shape (B, links * shapes + P, n), or without columns to leave it out.
     """
-    frames, object_frame = np.empty((q.shape[1] + 1, 4)), np.empty((1, 4))
-    vertices, centres = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
-    object_vertices, object_centres = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
+    placed = make_placed(scene)
     for row in range(lo, hi):
-        link_frames(scene, q[row], frames)
-        place_shapes(scene.robot, frames, vertices, centres)
-        pose_frame(pose[row], object_frame)
-        place_shapes(scene.object, object_frame, object_vertices, object_centres)
+        place_robot(scene.robot, q[row], placed)
+        place_object(scene.object, pose[row], placed)
         phi[row] = np.inf
-        _object_clearances(scene, frames, vertices, object_vertices, phi[row], slope[row])
-        _self_clearances(scene, frames, vertices, pairs, phi[row], slope[row])
+        _object_clearances(scene, placed, phi[row], slope[row])
+        _self_clearances(scene, placed, pairs, phi[row], slope[row])

@@ -95,6 +95,13 @@ def hull_distance(hull, p):
 
 @batch_kernel
 def hull_distances(lo, hi, hull, points, out):
-    """`hull_distance` of rows lo to hi, from `points` (B, 3) into `out` (B,), m."""
+    """Signed distances of rows lo to hi - 1, by `hull_distance`.
+
+    Args:
+        lo, hi: row range.
+        hull: a `Hull`.
+        points: shape (B, 3), m.
+        out: output, shape (B,), m.
+    """
     for row in range(lo, hi):
         out[row] = hull_distance(hull, points[row])

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
-from piec_envs.kernels import batch_kernel, kernel
+from piec_envs.kernels import inlined_kernel, kernel
 
 ON_BOUNDARY = 1e-9  # m; nearer than this the offset to the closest point has no direction
 
@@ -125,7 +124,7 @@ def front_of(vertices, first, last, n_x, n_y):
     return front
 
 
-@kernel
+@inlined_kernel
 def core_distance(a, a_first, a_last, b, b_first, b_last):
     """Signed distance of two convex cores and the normal from a to b.
 
@@ -162,117 +161,3 @@ def core_distance(a, a_first, a_last, b, b_first, b_last):
     if best <= ON_BOUNDARY:  # touching cores: a corner alone does not know which way is out
         return best, g_x, g_y
     return best, n_x, n_y
-
-
-@kernel
-def link_distances(scene, robot_vertices, object_vertices, pairs, distances):
-    """Signed distance from each link to the object.
-
-    Args:
-        scene: a `PackedScene`.
-        robot_vertices, object_vertices: world vertices from `place_shapes`.
-        pairs: output, `core_distance` of each robot shape and object shape, shape (S, K, 3).
-        distances: output, shape (links,), m.
-    """
-    robot, item = scene.robot, scene.object
-    for k in range(scene.links):
-        distances[k] = np.inf
-    for i in range(robot.radius.shape[0]):
-        for k in range(item.radius.shape[0]):
-            core, n_x, n_y = core_distance(
-                robot_vertices, robot.first[i], robot.first[i + 1], object_vertices, item.first[k], item.first[k + 1]
-            )
-            pairs[i, k, 0], pairs[i, k, 1], pairs[i, k, 2] = core, n_x, n_y
-            gap = core - robot.radius[i] - item.radius[k]
-            distances[robot.link[i]] = min(distances[robot.link[i]], gap)
-
-
-@batch_kernel
-def make_pairs(scene):
-    """Room for `pairs` of `link_distances`."""
-    return np.empty((scene.robot.radius.shape[0], scene.object.radius.shape[0], 3))
-
-
-@kernel
-def point_distance(robot, robot_vertices, x, y):
-    """Signed distance from a point to the whole robot.
-
-    Args:
-        robot: the robot's `PackedShapes`.
-        robot_vertices: world vertices from `place_shapes`.
-        x, y: the point, m.
-
-    Returns:
-        (distance, shape, c_x, c_y, n_x, n_y): the nearest shape, the closest point of its
-        surface, and the normal there, which is also the distance's gradient in the point.
-    """
-    best, shape, s_x, s_y, n_x, n_y = np.inf, -1, 0.0, 0.0, 1.0, 0.0
-    for i in range(robot.radius.shape[0]):
-        core, c_x, c_y, d_x, d_y, _ = closest_on_polygon(robot_vertices, robot.first[i], robot.first[i + 1], x, y)
-        gap = core - robot.radius[i]
-        if gap < best:
-            best, shape, n_x, n_y = gap, i, d_x, d_y
-            s_x, s_y = c_x + robot.radius[i] * d_x, c_y + robot.radius[i] * d_y
-    return best, shape, s_x, s_y, n_x, n_y
-
-
-@kernel
-def least_distance(robot, vertices, centres, x, y):
-    """Signed distance from a point to the whole robot, m: `point_distance` without the closest point.
-
-    Shapes whose bounding circles are farther away than the nearest shape so far are passed over.
-
-    Args:
-        robot: the robot's `PackedShapes`.
-        vertices, centres: of its shapes, from `place_shapes`.
-        x, y: the point, m.
-    """
-    best = np.inf
-    for i in range(robot.radius.shape[0]):
-        d_x, d_y, far = x - centres[i, 0], y - centres[i, 1], best + robot.bound[i]
-        if far > 0.0 and d_x * d_x + d_y * d_y >= far * far:
-            continue
-        core = closest_on_polygon(vertices, robot.first[i], robot.first[i + 1], x, y)[0]
-        best = min(best, core - robot.radius[i])
-    return best
-
-
-@kernel
-def self_distance(scene, robot_vertices):
-    """Least signed distance between two links that could collide, m (inf if there are none)."""
-    robot = scene.robot
-    best = np.inf
-    for p in range(scene.apart.shape[0]):
-        for i in range(robot.radius.shape[0]):
-            for k in range(robot.radius.shape[0]):
-                if robot.link[i] != scene.apart[p, 0] or robot.link[k] != scene.apart[p, 1]:
-                    continue
-                a, a_end, b, b_end = robot.first[i], robot.first[i + 1], robot.first[k], robot.first[k + 1]
-                core, _, _ = core_distance(robot_vertices, a, a_end, robot_vertices, b, b_end)
-                best = min(best, core - robot.radius[i] - robot.radius[k])
-    return best
-
-
-@batch_kernel
-def scene_distances(scene, q, pose, distances):
-    """Distances of every link to the object at one state, and the robot's distance to itself.
-
-    Args:
-        scene: a `PackedScene`.
-        q: joint positions, shape (n,).
-        pose: the object's x, y, angle, shape (3,).
-        distances: output, signed distance of each link to the object, shape (links,), m.
-
-    Returns:
-        The least distance between two links that could collide, m.
-    """
-    frames = np.empty((q.shape[0] + 1, 4))
-    object_frame = np.empty((1, 4))
-    robot_vertices, object_vertices = np.empty_like(scene.robot.vertices), np.empty_like(scene.object.vertices)
-    robot_centres, object_centres = np.empty_like(scene.robot.centre), np.empty_like(scene.object.centre)
-    link_frames(scene, q, frames)
-    place_shapes(scene.robot, frames, robot_vertices, robot_centres)
-    pose_frame(pose, object_frame)
-    place_shapes(scene.object, object_frame, object_vertices, object_centres)
-    link_distances(scene, robot_vertices, object_vertices, make_pairs(scene), distances)
-    return self_distance(scene, robot_vertices)

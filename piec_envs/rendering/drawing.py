@@ -13,12 +13,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from piec_envs.dynamics.free_bodies import planar
-from piec_envs.episodes.tasks import GOAL_RADIUS
 from piec_envs.escape.field import key_points_world
-from piec_envs.geometry.kinematics import link_frames
+from piec_envs.geometry.batched import robot_frames
+from piec_envs.model.task import GOAL_RADIUS
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import Robot
-from piec_envs.world.scene import pack_scene
 from piec_envs.world.shapes import RoundedPolygon
 
 if TYPE_CHECKING:
@@ -43,24 +42,9 @@ _SMOOTH = np.array([1, 2, 3, 2, 1]) / 9
 # --- geometry ----------------------------------------------------------------------------------
 
 
-def robot_frames(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Pose of the base and of the frame after each joint.
-
-    Args:
-        robot: the robot.
-        q: joint positions, shape (n,), rad or m.
-
-    Returns:
-        x, y, cos, sin of each frame, shape (n + 1, 4).
-    """
-    frames = np.empty((robot.dof + 1, 4))
-    link_frames(pack_scene(robot.name, "circle"), np.ascontiguousarray(q, dtype=float), frames)
-    return frames
-
-
 def base_position(robot: Robot, q: np.ndarray) -> np.ndarray:
     """Centre of the workspace: where the joints that slide have moved the base, shape (2,), m."""
-    return robot_frames(robot, q)[robot.base_dof, :2]
+    return robot_frames(robot.name, q)[robot.base_dof, :2]
 
 
 def _placed(shape: RoundedPolygon, frame: np.ndarray, grow: float = 0.0) -> np.ndarray:
@@ -95,7 +79,7 @@ def link_outlines(robot: Robot, q: np.ndarray, grow: float = 0.0) -> list[list[n
     Returns:
         For each link, for each of its shapes, points of shape (m, 2), m.
     """
-    frames = robot_frames(robot, q)
+    frames = robot_frames(robot.name, q)
     return [[_placed(shape, frames[link.frame], grow) for shape in link.shapes] for link in robot.links]
 
 
@@ -106,7 +90,7 @@ def scenery_outlines(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
         robot: the robot.
         q: joint positions, shape (n,), rad or m.
     """
-    frames = robot_frames(robot, q)
+    frames = robot_frames(robot.name, q)
     return [_placed(shape, frames[link.frame]) for link in robot.scenery for shape in link.shapes]
 
 
@@ -140,7 +124,7 @@ def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | 
     for link in sorted(range(len(outlines)), key=lambda k: touched[k]):
         face = {"facecolor": TOUCHED} if touched[link] else {}
         ax.add_artist(union_patch(outlines[link], **{**style, **face}))
-    frames, reach = robot_frames(robot, q), min(_half_width(robot), 0.05)
+    frames, reach = robot_frames(robot.name, q), min(_half_width(robot), 0.05)
     pale = {"alpha": PALE} if robot.whole_name != robot.name else {}
     for j, joint in enumerate(robot.joints):
         if joint.axis[2] != 0:

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from piec_envs.episodes.cage import HARD_WALL
 from piec_envs.escape.base import BatchedField, FieldMap
 from piec_envs.escape.between import distance_at
-from piec_envs.escape.field import CAGING_SCALE, key_points_world, make_field, object_escape_time
+from piec_envs.escape.field import CAGING_SCALE, HARD_WALL, key_points_world, make_field, object_escape_time
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import PATH, cased_line, escape_line, rim
@@ -60,7 +59,15 @@ class Escape:
 
 @cache
 def picture_field(robot_name: str, speed: SpeedModel) -> GridField:
-    """The grid field that pictures show, whatever field the episode itself is measured by."""
+    """The grid field that pictures show, whatever field the episode itself is measured by.
+
+    Args:
+        robot_name: a row of the table of robots.
+        speed: largest speed as a function of the distance to the robot.
+
+    Returns:
+        The field, of second order, 100 nodes a side.
+    """
     return GridField(robot_name, RESOLUTION, "marching", speed, threads=1)
 
 
@@ -94,6 +101,9 @@ def solve_escape(
         pose: its x, y, angle, shape (3,), m, rad.
         q: joint positions, shape (n,), rad or m.
         speed: of the escaping object; None takes the default.
+
+    Returns:
+        The field, the way, and whether a hard wall lets the object out.
     """
     speed = speed or SpeedModel()
     field = picture_field(robot_name, speed)
@@ -124,7 +134,14 @@ def wall_depth(field: BatchedField, way: np.ndarray, q: np.ndarray) -> np.ndarra
 
 
 def in_wall(field: BatchedField, way: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Which points of a way lie in the wall, shape (m,); what only grazes its edge does not; see `wall_depth`."""
+    """Which points of a way lie in the wall; what only grazes its edge does not.
+
+    Args:
+        field, way, q: as in `wall_depth`.
+
+    Returns:
+        Shape (m,), bool.
+    """
     depth = wall_depth(field, way, q)
     spacing = 2 * get_robot(field.robot_name).workspace_radius / RESOLUTION
     walled = depth >= 0
@@ -161,7 +178,13 @@ def draw_way(ax: Axes, way: np.ndarray, walled: np.ndarray, enclosed: bool, **st
 
 
 def draw_escape(ax: Axes, escape: Escape, **style: Any) -> None:
-    """Draw the way out of a solved posture; see `draw_way`."""
+    """Draw the way out of a solved posture, as `draw_way` does.
+
+    Args:
+        ax: where to draw.
+        escape: the posture's.
+        style: properties of a Matplotlib line.
+    """
     draw_way(ax, escape.way, escape.walled, escape.enclosed, **style)
 
 
@@ -180,7 +203,15 @@ def way_handles(escapes: Sequence[Escape]) -> list[Line2D]:
 
 
 def way_handle(label: str, dashed: bool) -> Line2D:
-    """A sample of a way for a legend."""
+    """A sample of a way for a legend.
+
+    Args:
+        label: its text.
+        dashed: whether it is drawn dashed.
+
+    Returns:
+        A line without points.
+    """
     from matplotlib.lines import Line2D
 
     kind: dict[str, Any] = DASHED if dashed else {}

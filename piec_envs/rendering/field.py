@@ -101,6 +101,9 @@ def draw_nodes(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, **sty
         y: of the rows, evenly spaced, shape (N,), m.
         values: shape (N, N).
         style: properties of a Matplotlib image.
+
+    Returns:
+        The image, for a colour bar, say.
     """
     half = 0.5 * (x[1] - x[0])
     extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
@@ -108,7 +111,14 @@ def draw_nodes(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, **sty
 
 
 def draw_wall(ax: Axes, robot: Robot, q: np.ndarray, speed: SpeedModel) -> None:
-    """Draw the wall, everything within d0 of the robot, as one even shape."""
+    """Draw the wall, everything within d0 of the robot, as one even shape.
+
+    Args:
+        ax: where to draw.
+        robot: the robot.
+        q: joint positions, shape (n,), rad or m.
+        speed: gives d0.
+    """
     wall = [outline for link in link_outlines(robot, q, grow=speed.d0) for outline in link]
     ax.add_artist(union_patch(wall, facecolor=WALL, edgecolor="none", zorder=3))
 
@@ -121,7 +131,15 @@ def _filled(field_map: FieldMap, speed: SpeedModel, top: float = FIELD_TOP) -> n
 
 
 def carried_into_wall(values: np.ndarray, wall: np.ndarray) -> np.ndarray:
-    """Values on a grid, those in the wall replaced by the nearest ones outside it, shapes (N, N)."""
+    """Values on a grid, those in the wall replaced by the nearest ones outside it.
+
+    Args:
+        values: shape (N, N), in any unit.
+        wall: which nodes lie in the wall, shape (N, N).
+
+    Returns:
+        Shape (N, N); the values themselves where there is no wall.
+    """
     if not wall.any():
         return values
     rows, columns = distance_transform_edt(wall, return_distances=False, return_indices=True)

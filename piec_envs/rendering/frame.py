@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.dynamics.free_bodies import places_of
-from piec_envs.episodes.tasks import MEASURES
+from piec_envs.dynamics.protocol import CONTROL_PERIOD
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import (
@@ -27,14 +25,16 @@ from piec_envs.rendering.escape import ENCLOSED, Escape, draw_escape, solve_esca
 from piec_envs.rendering.field import FieldStyle, draw_field
 from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import Object, get_object
-from piec_envs.world.robots import Robot
+from piec_envs.world.robots import Robot, get_robot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from piec_envs.episodes.batch import EpisodeBatch
-    from piec_envs.episodes.cage import CageBatch
+    from piec_envs.model.caging_problem import Caged
+    from piec_envs.model.model import Model
+    from piec_envs.model.rollout import Measured
+    from piec_envs.model.state import State
 
 INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
 SAID_ENCLOSED = ENCLOSED.replace(": ", ":\n").splitlines()  # narrow, for the corner beside the workspace
@@ -60,11 +60,15 @@ def pixels(figure: Figure) -> np.ndarray:
     return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
 
 
-def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None, size: int = 720) -> np.ndarray:
-    """Draw the present state of one episode.
+def render_frame(
+    model: Model, state: State, measured: Measured, row: int, trail: np.ndarray | None = None, size: int = 720
+) -> np.ndarray:
+    """Draw one of several states.
 
     Args:
-        batch: the episodes.
+        model: what simulates them.
+        state: the states.
+        measured: what is measured of them.
         row: which of them.
         trail: where its object has been, shape (m, 2), m.
         size: height and width, pixels.
@@ -73,24 +77,25 @@ def render_frame(batch: EpisodeBatch, row: int, trail: np.ndarray | None = None,
         The picture, shape (size, size, 3), uint8; the same for the same state.
     """
     figure, ax = new_axis(size)
-    q, pose = batch.state.q_r[row], batch.state.pose[row]
-    item = get_object(batch.state.params[row].object)
+    robot, task = model.robot, model.task
+    q, pose = state.q_r[row], state.pose[row]
+    item = get_object(state.params[row].object)
     enclosed = False
-    if batch.field is None:
-        draw_workspace(ax, batch.robot, q)
+    if model.field is None:
+        draw_workspace(ax, robot, q)
     else:
-        speed = getattr(batch.field, "speed", SpeedModel())
-        enclosed = _draw_escape(ax, batch.robot, item, pose, q, speed).enclosed
-    if batch.tracking:
-        draw_reference(ax, batch.task.reference)
+        enclosed = _draw_escape(ax, robot, item, pose, q, getattr(model.field, "speed", SpeedModel())).enclosed
+    if task.tracks:
+        draw_reference(ax, task.reference)
     if trail is not None and len(trail) > 1:
         draw_trail(ax, trail)
-    draw_goal(ax, batch.task.goal)
-    draw_robot(ax, batch.robot, q, batch.contact[row])
-    draw_loose(ax, item, places_of(item, q, pose, batch.state.memory[row])[1:])
+    draw_goal(ax, task.goal)
+    draw_robot(ax, robot, q, measured.contact[row])
+    draw_loose(ax, item, state.loose_places(row))
     draw_object(ax, item, pose)
-    _caption(ax, batch, row, enclosed)
-    _look_at(ax, episode_view(batch.robot, q, batch.task))
+    caging = None if model.field is None else CAGING_SCALE * state.escape_time[row]
+    _note(ax, _caption(state.step[row], measured.column("d2g")[row], caging, enclosed))
+    _look_at(ax, episode_view(robot, q, task))
     return pixels(figure)
 
 
@@ -102,38 +107,37 @@ def _draw_escape(ax: Axes, robot: Robot, item: Object, pose: np.ndarray, q: np.n
     return escape
 
 
-def render_posture(batch: CageBatch, row: int, size: int = 720) -> np.ndarray:
-    """Draw the posture of one static caging episode, its field and the object's key points.
+def render_posture(caged: Caged, size: int = 720) -> np.ndarray:
+    """Draw a posture of static caging, its field and the object's key points.
 
     Args:
-        batch: the episodes.
-        row: which of them.
+        caged: the posture beside its object.
         size: height and width, pixels.
 
     Returns:
         The picture, shape (size, size, 3), uint8; the same for the same posture.
     """
     figure, ax = new_axis(size)
-    q, pose, item = batch.q_r[row], batch.pose[row], get_object(batch.config.object)
-    _draw_escape(ax, batch.robot, item, pose, q, getattr(batch.field, "speed", SpeedModel()))
-    draw_robot(ax, batch.robot, q)
-    draw_object(ax, item, pose)
-    draw_key_points(ax, item, pose)
-    words = SAID_ENCLOSED if batch.enclosed[row] else ["not enclosed" if batch.done[row] else "start"]
-    _note(ax, [*words, f"caging = {CAGING_SCALE * batch.escape_time[row]:.2f}"])
-    _look_at(ax, View(base_position(batch.robot, q), batch.robot.workspace_radius))
+    robot, item = get_robot(caged.robot), get_object(caged.object)
+    _draw_escape(ax, robot, item, caged.pose, caged.q_r, caged.speed)
+    draw_robot(ax, robot, caged.q_r)
+    draw_object(ax, item, caged.pose)
+    draw_key_points(ax, item, caged.pose)
+    words = SAID_ENCLOSED if caged.enclosed else ["start" if caged.enclosed is None else "not enclosed"]
+    _note(ax, [*words, f"caging = {CAGING_SCALE * caged.escape_time:.2f}"])
+    _look_at(ax, View(base_position(robot, caged.q_r), robot.workspace_radius))
     return pixels(figure)
 
 
-def _caption(ax: Axes, batch: EpisodeBatch, row: int, enclosed: bool) -> None:
-    """Time, caging and distance to the goal region in the upper left corner."""
-    time = CONTROL_PERIOD * int(batch.state.step[row])
-    distance = batch.measures[row, MEASURES.index("d2g")]
-    lines = [f"t = {time:.1f} s", f"d2g = {distance:.3f} m"]
-    if batch.field is not None:
-        lines.insert(1, f"caging = {CAGING_SCALE * batch.state.escape_time[row]:.2f}")
-    lines += SAID_ENCLOSED if enclosed else []
-    _note(ax, lines)
+def _caption(step: int, distance: float, caging: float | None, enclosed: bool) -> list[str]:
+    """Time, caging and distance to the goal region, in lines."""
+    told = [] if caging is None else [f"caging = {caging:.2f}"]
+    return [
+        f"t = {CONTROL_PERIOD * int(step):.1f} s",
+        *told,
+        f"d2g = {distance:.3f} m",
+        *(SAID_ENCLOSED if enclosed else []),
+    ]
 
 
 def _note(ax: Axes, lines: list[str]) -> None:

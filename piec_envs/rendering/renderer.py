@@ -8,10 +8,13 @@ import numpy as np
 
 from piec_envs.errors import check_name
 from piec_envs.world.objects import get_object
+from piec_envs.world.robots import get_robot
 
 if TYPE_CHECKING:
-    from piec_envs.episodes.batch import EpisodeBatch
-    from piec_envs.episodes.cage import CageBatch
+    from piec_envs.model.caging_problem import Caged
+    from piec_envs.model.model import Model
+    from piec_envs.model.rollout import Measured
+    from piec_envs.model.state import State
     from piec_envs.rendering.space import SpaceFrames
 
 RENDERERS = ("drawing", "mujoco")
@@ -32,11 +35,15 @@ class Renderer:
         self.name = name
         self._space: SpaceFrames | None = None
 
-    def frame(self, batch: EpisodeBatch, row: int, trail: np.ndarray | None = None) -> np.ndarray:
-        """Draw the present state of one episode.
+    def frame(
+        self, model: Model, state: State, measured: Measured, row: int, trail: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Draw one of several states.
 
         Args:
-            batch: the episodes.
+            model: what simulates them.
+            state: the states.
+            measured: what is measured of them.
             row: which of them.
             trail: where its object has been, shape (m, 2), m.
 
@@ -49,19 +56,20 @@ class Renderer:
         if self.name == "drawing":
             from piec_envs.rendering.frame import render_frame
 
-            return render_frame(batch, row, trail)
-        return self._frames().frame(batch, row, trail)
+            return render_frame(model, state, measured, row, trail)
+        return self._frames().frame(model, state, row, trail)
 
-    def posture(self, batch: CageBatch, row: int) -> np.ndarray:
-        """Draw the posture of one static caging episode; see `frame`."""
+    def posture(self, caged: Caged) -> np.ndarray:
+        """Draw a posture of static caging; see `frame`."""
         if self.name == "drawing":
             from piec_envs.rendering.frame import render_posture
 
-            return render_posture(batch, row)
+            return render_posture(caged)
         from piec_envs.rendering.view import close_view
 
-        name, q, pose = batch.config.object, batch.q_r[row], batch.pose[row]
-        return self._frames().scene(batch.robot, name, q, pose, view=close_view(batch.robot, q, get_object(name), pose))
+        robot = get_robot(caged.robot)
+        view = close_view(robot, caged.q_r, get_object(caged.object), caged.pose)
+        return self._frames().scene(robot, caged.object, caged.q_r, caged.pose, view=view)
 
     def _frames(self) -> SpaceFrames:
         """What draws in space, opened with the first frame."""

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from piec_envs.dynamics.free_bodies import places_of, poses_at_start, upright
-from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.dynamics.free_bodies import poses_at_start, upright
+from piec_envs.model.task import GOAL_RADIUS
 from piec_envs.rendering.drawing import base_position
 from piec_envs.rendering.opengl import Offscreen
 from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import get_object
 
 if TYPE_CHECKING:
-    from piec_envs.episodes.batch import EpisodeBatch
+    from piec_envs.model.model import Model
+    from piec_envs.model.state import State
     from piec_envs.world.robots import Robot
 
 SIZE = 720  # height and width of a frame, pixels
@@ -26,7 +27,7 @@ TABLE, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.0, 0.0, 0.0, 0.0)
 FLOOR, RIM = (0.85, 0.86, 0.87, 1.0), (0.84, 0.27, 0.24, 1.0)  # where the base slides, and of its workspace
 FLOOR_RADIUS, RIM_WIDTH, PLATE_RADIUS = 4.0, 0.012, 0.11  # over the view's half; m; m, of what marks the base
 BACKGROUND = (0.80, 0.84, 0.89)
-COLUMN, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
+MEASURE_COLUMNS, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
 TABLE_HEIGHT, MARK_HEIGHT = 0.05, 1e-3  # of the table top, and of flat discs on it, m
 TRAIL_MARKS, REFERENCE_MARKS = 200, 40  # at most
 TRAIL_RADIUS, REFERENCE_RADIUS = 0.012, 0.008  # of a mark, m
@@ -38,7 +39,7 @@ class Mark(NamedTuple):
     centre: np.ndarray  # (2,) m
     radius: float  # m
     top: float  # m
-    colour: tuple[float, ...]
+    colour: tuple[float, ...]  # red, green, blue and opacity, in [0, 1]
     thickness: float = MARK_HEIGHT  # m
 
 
@@ -49,6 +50,9 @@ def task_marks(goal: np.ndarray, reference: np.ndarray | None = None, trail: np.
         goal: centre of the goal region, shape (2,), m.
         reference: path to be tracked, shape (m, 2), m.
         trail: where the object has been, shape (m, 2), m.
+
+    Returns:
+        One disc for the goal, some along the reference and some along the way.
     """
     marks = [Mark(goal, GOAL_RADIUS, MARK_HEIGHT, GOAL)]
     if reference is not None and len(reference):
@@ -68,11 +72,12 @@ class SpaceFrames:
     def __reduce__(self) -> tuple:
         return SpaceFrames, ()
 
-    def frame(self, batch: EpisodeBatch, row: int, trail: np.ndarray | None = None) -> np.ndarray:
-        """Draw the present state of one episode.
+    def frame(self, model: Model, state: State, row: int, trail: np.ndarray | None = None) -> np.ndarray:
+        """Draw one of several states.
 
         Args:
-            batch: the episodes.
+            model: what simulates them.
+            state: the states.
             row: which of them.
             trail: where its object has been, shape (m, 2), m.
 
@@ -82,12 +87,10 @@ class SpaceFrames:
         Raises:
             RenderingError: where there is no OpenGL, or after a fork.
         """
-        marks = task_marks(batch.task.goal, batch.task.reference, trail)
-        state = batch.state
-        places = places_of(get_object(state.params[row].object), state.q_r[row], state.pose[row], state.memory[row])
+        marks = task_marks(model.task.goal, model.task.reference, trail)
         name = state.params[row].object
-        view = episode_view(batch.robot, state.q_r[row], batch.task)
-        return self.scene(batch.robot, name, state.q_r[row], state.pose[row], marks, view, places[1:])
+        view = episode_view(model.robot, state.q_r[row], model.task)
+        return self.scene(model.robot, name, state.q_r[row], state.pose[row], marks, view, state.loose_places(row))
 
     def scene(
         self,
@@ -173,7 +176,7 @@ def _model(robot: Robot, object_name: str) -> Any:
         base = spec.body(robot.joints[robot.base_dof - 1].name if robot.base_dof else "base")
         base.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.07, 0.6 * item.height, 0], pos=[0, 0, 0.1 * item.height],
-            rgba=COLUMN, contype=0, conaffinity=0, mass=0,
+            rgba=MEASURE_COLUMNS, contype=0, conaffinity=0, mass=0,
         )  # fmt: skip
     for position, shade in (((-1.6, 0.9, 2.8), 0.42), ((1.2, -1.4, 2.6), 0.22)):
         spec.worldbody.add_light(
@@ -213,7 +216,7 @@ def _ground(robot: Robot, q: np.ndarray, view: View) -> list[Mark]:
         Mark(view.centre, FLOOR_RADIUS * view.half, -2 * MARK_HEIGHT, FLOOR),
         Mark(base, radius, -MARK_HEIGHT, RIM),
         Mark(base, radius - RIM_WIDTH, 0.0, TABLE),
-        Mark(base, PLATE_RADIUS, 0.25 * MARK_HEIGHT, COLUMN),
+        Mark(base, PLATE_RADIUS, 0.25 * MARK_HEIGHT, MEASURE_COLUMNS),
     ]
 
 

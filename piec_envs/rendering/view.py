@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.episodes.tasks import Task
+from piec_envs.model.task import Task
 from piec_envs.rendering.drawing import arm_outlines, base_position
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import Robot
@@ -30,6 +30,9 @@ def close_view(robot: Robot, q: np.ndarray, item: Object, pose: np.ndarray) -> V
         q: joint positions, shape (n,), rad or m.
         item: the object.
         pose: its x, y, angle, shape (3,), m, rad.
+
+    Returns:
+        The square.
     """
     around = pose[:2] + item.bounding_radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
     corners = np.concatenate([*arm_outlines(robot, q), around])
@@ -48,6 +51,9 @@ def episode_view(robot: Robot, q: np.ndarray, task: Task) -> View:
         robot: the robot.
         q: joint positions, shape (n,), rad or m.
         task: the task.
+
+    Returns:
+        The square.
     """
     base, radius = base_position(robot, q), robot.workspace_radius
     if not robot.base_dof:

@@ -77,7 +77,15 @@ class Object:
 
 
 def depth_inside(shape: RoundedPolygon, point: np.ndarray) -> float:
-    """Radius of the largest disc around `point` inside one shape (a lower bound for capsules), m; negative outside."""
+    """Radius of the largest disc around a point inside one shape, a lower bound for capsules.
+
+    Args:
+        shape: the shape.
+        point: the disc's centre in the frame of the shape, shape (2,), m.
+
+    Returns:
+        The radius, m; negative outside.
+    """
     if len(shape.vertices) < 3:
         return shape.radius - float(np.linalg.norm(shape.vertices - point, axis=1).min())
     edges = np.roll(shape.vertices, -1, axis=0) - shape.vertices

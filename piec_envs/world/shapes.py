@@ -103,23 +103,67 @@ class RoundedPolygon:
 
 
 def disc(radius: float, centre=(0.0, 0.0)) -> RoundedPolygon:
-    """A disc of the given radius and centre, m."""
+    """A disc.
+
+    Args:
+        radius: above 0, m.
+        centre: two numbers, m.
+
+    Returns:
+        The shape, of one vertex.
+
+    Raises:
+        InvalidShapeError: as `RoundedPolygon` does.
+    """
     return RoundedPolygon(np.array([centre]), radius)
 
 
 def capsule(start, end, radius: float) -> RoundedPolygon:
-    """All points within `radius` of the segment from `start` to `end`, m."""
+    """All points within a distance of a segment.
+
+    Args:
+        start, end: of the segment, two numbers each, m.
+        radius: the distance, above 0, m.
+
+    Returns:
+        The shape, of two vertices.
+
+    Raises:
+        InvalidShapeError: as `RoundedPolygon` does.
+    """
     return RoundedPolygon(np.array([start, end]), radius)
 
 
 def box(width: float, height: float) -> RoundedPolygon:
-    """An axis-aligned rectangle around the origin, m."""
+    """An axis-aligned rectangle around the origin.
+
+    Args:
+        width: along x, m.
+        height: along y, m.
+
+    Returns:
+        The shape, sharp, of four vertices.
+
+    Raises:
+        InvalidShapeError: as `RoundedPolygon` does.
+    """
     x, y = width / 2, height / 2
     return RoundedPolygon(np.array([(-x, -y), (x, -y), (x, y), (-x, y)]))
 
 
 def regular_polygon(corners: int, apothem: float) -> RoundedPolygon:
-    """A regular polygon around the origin, given by its inscribed circle's radius (apothem, m)."""
+    """A regular polygon around the origin, given by its inscribed circle.
+
+    Args:
+        corners: how many.
+        apothem: radius of the inscribed circle, m.
+
+    Returns:
+        The shape, sharp; one edge crosses the positive x axis at a right angle.
+
+    Raises:
+        InvalidShapeError: as `RoundedPolygon` does.
+    """
     angles = 2 * np.pi * (np.arange(corners) + 0.5) / corners
     circumradius = apothem / np.cos(np.pi / corners)
     return RoundedPolygon(circumradius * np.column_stack([np.cos(angles), np.sin(angles)]))

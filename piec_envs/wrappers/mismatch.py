@@ -8,8 +8,8 @@ import gymnasium as gym
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorEnv, VectorWrapper
 
-from piec_envs.episodes.plain import plain
 from piec_envs.errors import InvalidParameterError, check_name
+from piec_envs.plain import plain
 
 
 def _inject(env: Any, names: tuple[str, ...], params: dict[str, Any]) -> None:

@@ -14,11 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import piec_envs  # noqa: F401  registers the environments
-from piec_envs.errors import AgentError, InvalidObservationError, PiecError
-from piec_envs.files import BROKEN_FILE, replacing, why_unreadable
-from piec_envs.sources import source as current_source
-from piec_envs.versions import versions
+from piec_envs import AgentError, InvalidObservationError, PiecError, files, provenance
 from planners.base import OpenLoopPolicy, realised_plan
 from planners.made_for import disturbed_kwargs, model_kwargs, task_kwargs
 from planners.observed import ObservationReader
@@ -44,7 +40,7 @@ _META = ("horizon", "spaces", "normalisation", "steps", "seconds", "evaluation",
 
 def learner_versions() -> dict[str, str]:
     """Versions of the engine and of what learns."""
-    return {**versions(), **{name: metadata.version(name) for name in LEARNERS}}
+    return {**provenance.versions(), **{name: metadata.version(name) for name in LEARNERS}}
 
 
 def file_hash(path: Path) -> str:
@@ -79,7 +75,7 @@ class Agent:
     seconds: float
     evaluation: dict[str, Any]
     versions: dict[str, str] = field(default_factory=learner_versions)
-    source: dict[str, Any] | None = field(default_factory=current_source)
+    source: dict[str, Any] | None = field(default_factory=provenance.source)
 
     @property
     def env_id(self) -> str:
@@ -120,11 +116,11 @@ class Agent:
         if target.suffix != ".zip":
             raise AgentError(f"an agent's file ends with .zip, got {path}")
         target.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(target) as file:
+        with files.replacing(target) as file:
             self.model.save(file)
         about = {name: getattr(self, name) for name in _META}
         about |= {"format": FORMAT, "spec": self.spec.as_json(), "sha256": file_hash(target), "source": self.source}
-        with replacing(target.with_suffix(".json")) as file:
+        with files.replacing(target.with_suffix(".json")) as file:
             file.write((json.dumps(about, indent=1) + "\n").encode())
         return target
 
@@ -152,8 +148,8 @@ class Agent:
             return cls(spec=spec, model=model, source=about.get("source"), **{name: about[name] for name in _META})
         except PiecError:
             raise
-        except (*BROKEN_FILE, AttributeError, AssertionError) as error:
-            raise AgentError(why_unreadable(target, "agent with its description (.json)", error)) from error
+        except (*files.BROKEN_FILE, AttributeError, AssertionError) as error:
+            raise AgentError(files.why_unreadable(target, "agent with its description (.json)", error)) from error
 
     def check_env(self, env_id: str) -> None:
         """Refuse the id of an environment that this agent was not trained on.
@@ -267,10 +263,10 @@ def open_loop(agent: Agent) -> OpenLoopPolicy:
     for _ in range(agent.horizon):
         action, held = policy.predict(observation, state=held)
         observation, *_ = env.step(action)
-        commands.append(env.batch.state.q_cmd[0].copy())
+        commands.append(env.get_state().q_cmd[0])
     path = np.array(commands)
     plan = realised_plan(
-        env.batch, start, path, env_id=agent.env_id, env_kwargs=nominal, via_points=path[-1:],
-        objective=agent.spec.algo, preset=env.batch.config.preset, seed=agent.spec.seed,
+        env.model, start, path, env_id=agent.env_id, env_kwargs=nominal, via_points=path[-1:],
+        objective=agent.spec.algo, preset=env.config.preset, seed=agent.spec.seed,
     )  # fmt: skip
     return OpenLoopPolicy(plan)

@@ -6,7 +6,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-from piec_envs.errors import MissingDependencyError, check_name
+from piec_envs import MissingDependencyError, check_name
 
 PACKAGES = ("torch", "stable_baselines3", "sb3_contrib", "tensorboard", "yaml")
 

@@ -8,8 +8,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from piec_envs.errors import AgentError
-from piec_envs.files import BROKEN_FILE, replacing
+from piec_envs import AgentError, files
 from planners.sb3.agent import file_hash
 from planners.sb3.spec import TrainSpec
 
@@ -20,15 +19,19 @@ MODEL, BUFFER, STATE, SPEC = "model.zip", "replay_buffer.pkl", "state.json", "sp
 def check_folder(folder: Path, spec: TrainSpec) -> None:
     """Refuse the folder of another training.
 
+    Args:
+        folder: of a training; need not exist.
+        spec: the training that is to use it.
+
     Raises:
-        AgentError: with what differs.
+        AgentError: with what differs, or if the file in it is broken.
     """
     file = folder / SPEC
     if not file.is_file():
         return
     try:
         stored = dict(json.loads(file.read_text(encoding="utf-8")))
-    except BROKEN_FILE as error:
+    except files.BROKEN_FILE as error:
         raise AgentError(f"{file} is broken: {error}; move {folder} away to start anew") from error
     if stored != spec.as_json():
         raise AgentError(
@@ -38,8 +41,13 @@ def check_folder(folder: Path, spec: TrainSpec) -> None:
 
 
 def claim_folder(folder: Path, spec: TrainSpec) -> None:
-    """Make the folder this training's."""
-    with replacing(folder / SPEC) as out:
+    """Make the folder a training's, by a file that says which.
+
+    Args:
+        folder: of the training, which exists.
+        spec: the training.
+    """
+    with files.replacing(folder / SPEC) as out:
         out.write((json.dumps(spec.as_json(), indent=1) + "\n").encode())
 
 
@@ -87,13 +95,18 @@ def read_checkpoint(folder: Path) -> tuple[Path, dict[str, Any]] | None:
                 raise AgentError(f"{path / name} is broken; move {path} away to start anew")
     except AgentError:
         raise
-    except BROKEN_FILE as error:
+    except files.BROKEN_FILE as error:
         raise AgentError(f"{path} is no checkpoint, or is broken: {error}; move it away to start anew") from error
     return path, state
 
 
 def clear_checkpoints(folder: Path, torn_only: bool = False) -> None:
-    """Remove what a finished training needs no more, or only what a kill left half written."""
+    """Remove what a finished training needs no more, or only what a kill left half written.
+
+    Args:
+        folder: of the training.
+        torn_only: whether whole checkpoints stay.
+    """
     for path in folder.glob(".checkpoint-*.tmp"):
         shutil.rmtree(path)
     for path in [] if torn_only else _checkpoints(folder):

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
-from piec_envs.errors import InvalidParameterError, UnknownNameError, check_name
+from piec_envs import InvalidParameterError, UnknownNameError, check_name
 from planners.sb3.algorithms import check_installed, get_algorithm
 from planners.sb3.spec import TrainSpec
 
@@ -45,6 +45,13 @@ def _files() -> dict[tuple[str, str], Any]:
 def read_hyperparameters(env_id: str, algo: str) -> dict[str, Any]:
     """The hyper-parameters that ship for an environment and an algorithm.
 
+    Args:
+        env_id: id of the environment.
+        algo: row of the table of algorithms.
+
+    Returns:
+        The entries of the YAML file, as RL Zoo writes them.
+
     Raises:
         UnknownNameError: if none ship for them.
         MissingDependencyError: if PyYAML is missing.
@@ -76,6 +83,9 @@ def default_spec(
         steps: in place of the file's `n_timesteps`.
         env_kwargs: changes to the file's keyword arguments of the environment.
         hyper: changes to the file's other entries, `n_envs` among them.
+
+    Returns:
+        The training, the changes applied.
 
     Raises:
         UnknownNameError: if no hyper-parameters ship for this pair.
@@ -175,6 +185,9 @@ def parse(name: str, text: str) -> Any:
     Args:
         name: of the hyper-parameter, for the message.
         text: literals, `dict(...)` of them, and classes of `torch.nn`.
+
+    Returns:
+        The value.
 
     Raises:
         InvalidParameterError: for anything else.

@@ -25,7 +25,12 @@ def statistics_of(venv: VecNormalize | None) -> Statistics | None:
 
 
 def restore_statistics(venv: VecNormalize | None, statistics: Statistics | None) -> None:
-    """Put a `VecNormalize` back to where it was."""
+    """Put a `VecNormalize` back to where it was.
+
+    Args:
+        venv: is changed; nothing happens if it is None.
+        statistics: from `statistics_of`; nothing happens if they are None.
+    """
     if venv is None or statistics is None:
         return
     for name, rms in _observation_parts(venv).items():
@@ -39,6 +44,9 @@ def normalise(observation: Any, statistics: Statistics | None) -> Any:
     Args:
         observation: array, or dict of arrays.
         statistics: from `statistics_of`.
+
+    Returns:
+        float32, an array or a dict of them as given; only cast where there are no statistics.
     """
     if isinstance(observation, Mapping):
         return {name: _scaled(value, statistics, name) for name, value in observation.items()}

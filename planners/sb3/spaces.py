@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from piec_envs.errors import AgentError
+from piec_envs import AgentError
 
 
 def described(space: Any) -> dict[str, dict[str, list[float]]]:

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from piec_envs.errors import InvalidParameterError, as_count, check_name
-from piec_envs.registration import check_motion
+from piec_envs import InvalidParameterError, as_count, check_motion, check_name
 from planners.sb3.algorithms import ALGORITHMS
 
 EVALUATION_SEED = 2**31  # of the first row of an evaluation; trainings have smaller ones, so no start is trained on

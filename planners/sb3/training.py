@@ -16,9 +16,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tqdm import tqdm
 
-from piec_envs.console import no_bar
-from piec_envs.errors import AgentError, InvalidParameterError
-from piec_envs.files import replacing
+from piec_envs import AgentError, InvalidParameterError, console, files
 from planners.sb3.agent import Agent
 from planners.sb3.algorithms import check_installed, get_algorithm
 from planners.sb3.checkpoint import (
@@ -122,7 +120,7 @@ class Training:
         self.history, self.seconds, self._clock = list[dict[str, Any]](), 0.0, 0.0
         self.every = -(-spec.timesteps // spec.evaluations)
         native = NativeVecEnv(spec.env_id, spec.n_envs, **spec.env_kwargs)
-        self.horizon = native.native.batch.task.horizon
+        self.horizon = native.native.model.task.horizon
         self.spaces = {"observation": described(native.observation_space), "action": described(native.action_space)}
         self.test_env = NativeVecEnv(spec.env_id, spec.eval_episodes, **spec.env_kwargs)
         self.venv: Any = VecMonitor(native)
@@ -145,7 +143,7 @@ class Training:
         self._clock = time.perf_counter()
         left = self.spec.timesteps - self.model.num_timesteps
         with tqdm(
-            total=self.spec.timesteps, initial=self.model.num_timesteps, disable=no_bar(progress), unit="step",
+            total=self.spec.timesteps, initial=self.model.num_timesteps, disable=console.no_bar(progress), unit="step",
             unit_scale=True, delay=0.5, desc=f"{self.spec.algo} on {self.spec.env_id}",
         ) as bar:  # fmt: skip
             if left > 0:
@@ -183,7 +181,7 @@ class Training:
 
     def _publish(self) -> None:
         """Write what follows from the checkpoint: the curve, and the agent if it is the best."""
-        with replacing(self.folder / CURVE) as file:
+        with files.replacing(self.folder / CURVE) as file:
             file.write("".join(json.dumps(record) + "\n" for record in self.history).encode())
         if self.history[-1] is max(
             reversed(self.history), key=lambda record: (record["success_rate"], record["return"])

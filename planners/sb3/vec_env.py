@@ -11,10 +11,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv
 
-import piec_envs  # noqa: F401  registers the environments
-from piec_envs.episodes.info import row_info
-from piec_envs.errors import InvalidParameterError, as_count, check_name
-from piec_envs.registration import ENVS
+from piec_envs import ENVS, InvalidParameterError, as_count, check_name, row_info
 
 FIXED = ("dtype", "autoreset_mode", "num_envs")  # keyword arguments that this adapter decides
 ROWLESS = ("compute_reward",)  # methods that read and change no row
@@ -91,12 +88,25 @@ class NativeVecEnv(VecEnv):
         self.native.close()
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """An attribute of the batch, once for each row asked for."""
+        """An attribute of the batch.
+
+        Args:
+            attr_name: its name.
+            indices: of the rows asked for; None is all.
+
+        Returns:
+            Its value, once for each of these rows.
+        """
         value = getattr(self.native, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
         """Set an attribute of the batch.
+
+        Args:
+            attr_name: its name.
+            value: the new one.
+            indices: of the rows; None, or all of them.
 
         Raises:
             InvalidParameterError: if it is meant for some of the rows only.
@@ -107,7 +117,15 @@ class NativeVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the batch once; its result stands once for each row asked for.
+        """Call a method of the batch once.
+
+        Args:
+            method_name: its name.
+            method_args, method_kwargs: its arguments.
+            indices: of the rows asked for; None is all.
+
+        Returns:
+            Its result, once for each of these rows.
 
         Raises:
             InvalidParameterError: if it is meant for some of the rows only, and could change them.
@@ -119,7 +137,15 @@ class NativeVecEnv(VecEnv):
         return [result for _ in rows]
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
-        """No row is wrapped: there are no single environments."""
+        """No row is wrapped: there are no single environments.
+
+        Args:
+            wrapper_class: not needed.
+            indices: of the rows asked for; None is all.
+
+        Returns:
+            False, once for each of these rows.
+        """
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[np.ndarray | None]:

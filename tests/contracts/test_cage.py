@@ -78,8 +78,8 @@ def test_picture_follows_the_posture():
 def test_the_franka_has_its_geometry_field_and_limits():
     env = gym.make(FRANKA, geometry="capsules", pose=(0.05, 0.2, 0.0)).unwrapped
     assert env.config.robot == "franka_capsules" and env.config.object == "water_jug"
-    assert env.batch.field.name == env.config.escape_field == "table"
-    problem = CagingProblem("franka_capsules", "water_jug", (0.05, 0.2, 0.0), env.batch.field)
+    assert env.field.name == env.config.escape_field == "table"
+    problem = CagingProblem("franka_capsules", "water_jug", (0.05, 0.2, 0.0), env.field)
     for sign in (-1.0, 1.0):
         env.reset(seed=0)
         _, reward, _, _, info = env.step(np.full(3, sign))

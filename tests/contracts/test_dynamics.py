@@ -7,13 +7,13 @@ import inspect
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import Commands, Dynamics, Plant
-from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
-from piec_envs.dynamics.table import DYNAMICS, DynamicsByRow, DynamicsOptions
+from piec_envs.dynamics.by_row import DYNAMICS, DynamicsByRow, DynamicsOptions
+from piec_envs.dynamics.contact_model import PAPER_MODEL, ContactModel
+from piec_envs.dynamics.protocol import Commands, Dynamics, Plant
 from piec_envs.errors import InvalidStateError, UnknownNameError
-from piec_envs.geometry.distance import scene_distances
+from piec_envs.geometry.body import scene_distances
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 ROBOT = get_robot("planar_arm")
 LENGTHS = np.array([0.4, 0.4, 0.4, 0.2])
@@ -22,7 +22,7 @@ every_dynamics = pytest.mark.parametrize("name", DYNAMICS)
 
 
 def make(name, threads=None) -> Dynamics:
-    return DYNAMICS[name](DynamicsOptions(threads=threads))
+    return DYNAMICS[name].made(DynamicsOptions(threads=threads))
 
 
 def plant_of(names, friction=0.5, dynamics=()) -> Plant:
@@ -92,7 +92,7 @@ def test_without_contact_the_object_rests_and_the_arm_follows(name):
 @pytest.mark.parametrize("model", [ContactModel(), PAPER_MODEL], ids=["default", "paper"])
 def test_the_lead_of_the_command_follows_the_settings(name, model):
     """A command far ahead of its joint is cut to the robot's lead, or kept."""
-    dynamics, far = DYNAMICS[name](DynamicsOptions(model=model)), np.array([[-1.1, -0.4, 0.3]])
+    dynamics, far = DYNAMICS[name].made(DynamicsOptions(model=model)), np.array([[-1.1, -0.4, 0.3]])
     q, ahead = ROBOT.home[None], ROBOT.home[None] + 0.2
     motion = dynamics.rollout(q, ahead, far, Commands(np.zeros((1, 1, 4))), plant_of(["circle"]))
     lead = ahead - q if model.unlimited_lead else ROBOT.joint_array("max_lead")[None]

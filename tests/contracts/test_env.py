@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
-from piec_envs.registration import ENVS, MOTIONS
+from piec_envs.env.registry import ENVS, MOTIONS
 from piec_envs.world.objects import OBJECTS
 
 CHOICES = [
@@ -267,7 +267,7 @@ def test_compute_reward_is_vectorised_and_equals_the_step():
 
 def test_tracking_success_needs_the_path_and_its_end():
     env = gym.make("piec_envs/PlanarArmTrack-v0", escape_field=None).unwrapped
-    goal = [*env.batch.task.goal, 0.0]
+    goal = [*env.model.task.goal, 0.0]
     env.reset(seed=0, options={"state": {"q_r": [-1.0, 0, 0, 0], "pose": goal}})
     info = env.step(np.zeros(4))[4]
     assert info["d2g"] == 0 and not info["is_success"]  # it waits at the end instead of following

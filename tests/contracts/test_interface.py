@@ -10,9 +10,9 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
-from piec_envs.env import PlanarArmPushEnv
+from piec_envs.env.makers import PlanarArmPush
+from piec_envs.env.registry import ENVS, MOTIONS
 from piec_envs.errors import InvalidActionError, PiecError, ResetNeededError, UnknownArgumentError
-from piec_envs.registration import ENVS, MOTIONS
 
 PUSH, CAGE = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"
 WITHOUT_FIELD = {"escape_field": None}
@@ -52,7 +52,7 @@ def test_an_unknown_argument_is_also_what_python_would_say(env_id, make):
 
 def test_an_unknown_argument_says_what_may_have_been_meant_and_crosses_processes():
     with pytest.raises(UnknownArgumentError, match=r"'fiction'; known: .*Did you mean 'friction'") as caught:
-        PlanarArmPushEnv(fiction=0.5)
+        PlanarArmPush(fiction=0.5)
     for error in (caught.value, UnknownArgumentError("a text alone, as Gymnasium makes it again")):
         assert str(pickle.loads(pickle.dumps(error))) == str(error)
 

@@ -6,8 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.episodes.observation import observation_layout
-from piec_envs.episodes.tasks import ARC, ARRIVAL, HORIZON, MOBILE, mobile_franka_track
+from piec_envs.model.task import ARC, ARRIVAL, HORIZON, MOBILE, get_task, mobile_franka_track
+from piec_envs.model.terms import observation_layout
 from piec_envs.world.robots import get_robot
 
 PUSH, TRACK = "piec_envs/MobileFrankaPush-v0", "piec_envs/MobileFrankaTrack-v0"
@@ -28,8 +28,8 @@ def moved(array, shift):
 
 
 def entries(*names, tracking=False):
-    layout = observation_layout(ROBOT, tracking)
-    return np.concatenate([np.arange(layout["time"].stop)[layout[name]] for name in names])
+    layout = observation_layout(ROBOT, get_task("mobile_franka_track_left" if tracking else "mobile_franka_push"))
+    return np.concatenate([np.arange(layout.size)[layout.slices[name]] for name in names])
 
 
 def changed(a, b):
@@ -100,4 +100,4 @@ def test_the_references_are_mirror_images_across_the_straight_line():
 @pytest.mark.parametrize("side", SIDES)
 def test_the_keyword_chooses_the_reference(side):
     env = gym.make(TRACK, reference=side, **CAPSULES).unwrapped
-    np.testing.assert_array_equal(env.batch.task.reference, SIDES[side])
+    np.testing.assert_array_equal(env.model.task.reference, SIDES[side])

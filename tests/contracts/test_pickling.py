@@ -12,12 +12,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.table import DYNAMICS, DynamicsOptions
+from piec_envs.dynamics.by_row import DYNAMICS, DynamicsOptions
+from piec_envs.env.registry import ENVS, MOTIONS
 from piec_envs.escape import FIELDS, ObstacleField, SpeedModel, make_field
 from piec_envs.escape.table import TableField, can_tabulate
 from piec_envs.escape.weights import has_weights
 from piec_envs.kernels import batch_kernel
-from piec_envs.registration import ENVS, MOTIONS
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 from planners import (
@@ -153,7 +153,7 @@ def test_planners_and_what_they_ask_carry_nothing_compiled(item, carried):
 @pytest.mark.parametrize("name", DYNAMICS)
 def test_dynamics_carry_nothing_compiled(name, carried):
     for solver in ("fast", "osqp"):
-        assert not carried(DYNAMICS[name](DynamicsOptions(solver=solver)))[0]
+        assert not carried(DYNAMICS[name].made(DynamicsOptions(solver=solver)))[0]
 
 
 def test_a_policy_carries_nothing_compiled(carried):

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from evaluation.protocols import PROTOCOLS
-from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.reach import goal_ring
-from piec_envs.episodes.state import PlantParams
-from piec_envs.episodes.tasks import GOAL_RADIUS, TASKS
+from piec_envs.dynamics.plant import PlantParams
+from piec_envs.env.config import EnvConfig
+from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import InvalidParameterError, InvalidStateError
-from piec_envs.geometry.distance import scene_distances
-from piec_envs.registration import MOTIONS
+from piec_envs.geometry.body import scene_distances
+from piec_envs.model.reach import goal_ring
+from piec_envs.model.task import GOAL_RADIUS, TASKS
 from piec_envs.world.objects import OBJECTS
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import ROBOTS, get_robot
-from piec_envs.world.scene import pack_scene
 from piec_envs.wrappers import Mismatch, VectorMismatch
 
 PUSH = "piec_envs/PlanarArmPush-v0"
@@ -100,8 +100,8 @@ def test_other_arguments_out_of_range_are_refused(choice, message):
 def straight_reach(robot):
     """Farthest distance of the robot's surface from its first turning joint, of random postures, m."""
     rng, far, scene = np.random.default_rng(0), 0.0, pack_scene(robot.name, "circle")
-    distances, radius = np.empty(scene.links), OBJECTS["circle"].bounding_radius
-    for q in rng.uniform(scene.lower, scene.upper, (300, robot.dof)):
+    distances, radius = np.empty(scene.robot.links), OBJECTS["circle"].bounding_radius
+    for q in rng.uniform(scene.robot.lower, scene.robot.upper, (300, robot.dof)):
         place = np.array([50.0, 0.0, 0.0])  # so far away that distances tell how far the arm comes towards it
         scene_distances(scene, q, place, distances)
         far = max(far, 50.0 - radius - float(distances.min()))
@@ -116,9 +116,10 @@ def test_what_no_arm_can_do_is_no_goal(robot_name):
         assert 0 <= least < most <= robot.workspace_radius
         assert most >= min(robot.workspace_radius, 0.9 * straight_reach(robot)) - 1e-9
         if least:  # there the object would stand in the arm by more than the goal region makes up for
-            scene, distances = pack_scene(robot_name, name), np.empty(pack_scene(robot_name, name).links)
+            scene = pack_scene(robot_name, name)
+            distances = np.empty(scene.robot.links)
             rng = np.random.default_rng(1)
-            for q in rng.uniform(scene.lower, scene.upper, (50, robot.dof)):
+            for q in rng.uniform(scene.robot.lower, scene.robot.upper, (50, robot.dof)):
                 bearing, turn = rng.uniform(-np.pi, np.pi, 2)
                 at = (least + GOAL_RADIUS) * np.array([np.cos(bearing), np.sin(bearing)])
                 scene_distances(scene, q, np.array([0.999 * at[0], 0.999 * at[1], turn]), distances)
@@ -131,11 +132,11 @@ def test_goals_of_tasks_lie_in_the_ring_and_others_are_refused(task):
     assert least <= np.hypot(*task.goal) <= most
     about = {"escape_field": None, "robot": task.robot}
     inside = (least + most) / 2
-    assert EnvConfig(task.name, goal=(0.0, inside), **about).goal == (0.0, inside)
+    assert EnvConfig(task=task.name, goal=(0.0, inside), **about).goal == (0.0, inside)
     for distance in (most + 1e-6, least - 1e-6):
         if distance > 0:
             with pytest.raises(InvalidParameterError, match=rf"within {most:g} m .*can bring '{task.object}'"):
-                EnvConfig(task.name, goal=(0.0, distance), **about)
+                EnvConfig(task=task.name, goal=(0.0, distance), **about)
 
 
 # --- states -----------------------------------------------------------------------------------

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from piec_envs.cage_env import PlanarArmCageEnv
-from piec_envs.env import PlanarArmPushEnv
-from piec_envs.episodes.tasks import HORIZON
+from piec_envs.env.makers import PlanarArmCage, PlanarArmPush
+from piec_envs.model.task import HORIZON
 from piec_envs.wrappers import FrictionMismatch
 
 PUSH, CAGE = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"
@@ -73,7 +72,7 @@ def test_arrays_among_the_arguments_are_taken_and_kept_as_json(make):
     spec = gym.envs.registration.EnvSpec.from_json(text)
     again = (gym.make if make is gym.make else gym.make_vec)(spec)
     np.testing.assert_array_equal(env.reset(seed=1)[0], again.reset(seed=1)[0])
-    assert again.unwrapped.batch.config == env.unwrapped.batch.config
+    assert again.unwrapped.config == env.unwrapped.config
     assert json.loads(text)["kwargs"]["goal"] == [pytest.approx(-0.2), pytest.approx(0.4)]
 
 
@@ -84,7 +83,7 @@ def test_arrays_enumerations_and_paths_stand_in_specs_as_json_has_them(tmp_path)
     assert json.loads(envs.spec.to_json())["kwargs"]["autoreset_mode"] == "SameStep"
     wrapped = FrictionMismatch(gym.make(PUSH, **WITHOUT_FIELD), friction=np.float32(0.25))
     assert gym.make(gym.envs.registration.EnvSpec.from_json(wrapped.spec.to_json())).reset(seed=0)
-    env = PlanarArmPushEnv(**WITHOUT_FIELD)
+    env = PlanarArmPush(**WITHOUT_FIELD)
     env.spec = gym.envs.registration.EnvSpec("a/B-v0", kwargs={"path": Path(tmp_path)})
     assert env.spec.kwargs == {"path": str(tmp_path)}
 
@@ -128,8 +127,8 @@ def test_an_episode_ends_at_its_horizon_or_at_a_limit_before(repeat, limit, acti
 
 
 def test_an_environment_made_without_gymnasium_ends_too():
-    assert length(PlanarArmPushEnv(action_repeat=100, **WITHOUT_FIELD), np.zeros(4))[0] == 10
-    assert PlanarArmPushEnv(**WITHOUT_FIELD).episode_actions == 1000 and PlanarArmCageEnv().episode_actions is None
+    assert length(PlanarArmPush(action_repeat=100, **WITHOUT_FIELD), np.zeros(4))[0] == 10
+    assert PlanarArmPush(**WITHOUT_FIELD).episode_actions == 1000 and PlanarArmCage().episode_actions is None
 
 
 def test_a_state_of_a_later_step_leaves_the_steps_to_the_horizon():

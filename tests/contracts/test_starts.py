@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from evaluation.studies.franka_starts import CLEARANCE, KINDS, TASKS
-from piec_envs.episodes.start_postures import checked_start, start_names, start_posture, start_table
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
+from piec_envs.model.start_postures import checked_start, start_names, start_posture, start_table
 from piec_envs.world.robots import get_robot
 from piec_envs.world.robots.franka import FRANKAS
 from planners import CagingProblem, CmaEsConfiguration
@@ -58,7 +58,7 @@ def test_an_episode_begins_at_its_start(env_id, contact):
     for start in ("auto", "home"):
         env = gym.make(env_id, contact=contact, start=start, **CAPSULES).unwrapped
         env.reset(seed=0)
-        robot = env.batch.robot
+        robot = env.model.robot
         expected = robot.home if start == "home" else start_table()[robot.name]["cage"]
         np.testing.assert_array_equal(env.get_state().q_r[0], expected)
         np.testing.assert_array_equal(env.get_state().q_cmd[0], expected)

@@ -8,12 +8,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.table import DYNAMICS
-from piec_envs.episodes.start import StartSampler
-from piec_envs.episodes.state import PlantParams
-from piec_envs.geometry.distance import scene_distances
-from piec_envs.registration import MOTIONS
-from piec_envs.world.scene import pack_scene
+from piec_envs.dynamics.by_row import DYNAMICS
+from piec_envs.dynamics.plant import PlantParams
+from piec_envs.env.makers import make_setup
+from piec_envs.env.registry import MOTIONS
+from piec_envs.geometry.body import scene_distances
+from piec_envs.model.start import StartSampler
+from piec_envs.world.packed import pack_scene
 
 NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
 
@@ -30,9 +31,9 @@ TOUCHING = {"state": {"pose": [0.6, 0.1255, 0.0]}}  # a square at the planar arm
 
 def touching(env):
     """Options of `reset` that put the square beside the arm of any environment, straight and along x."""
-    home = env.batch.robot.home
-    scene = pack_scene(env.batch.robot.name, "square")
-    distances = np.empty(scene.links)
+    home = env.model.robot.home
+    scene = pack_scene(env.model.robot.name, "square")
+    distances = np.empty(scene.robot.links)
     for y in np.arange(0.1, 0.4, 0.0005):
         scene_distances(scene, home, np.array([0.6, y, 0.0]), distances)
         if distances.min() > 0:
@@ -93,8 +94,8 @@ def test_the_last_step_alone_charges_the_distance_to_the_goal_region(env_id):
     choice = {"escape_field": None, "prior": "contact"}
     env, held = gym.make(env_id, **choice).unwrapped, gym.make(env_id, action_repeat=4, **choice).unwrapped
     env.reset(seed=0)
-    state, weights, (n,) = env.get_state(), env.batch.weights, env.action_space.shape
-    state.step[:] = env.batch.task.horizon - 4
+    state, weights, (n,) = env.get_state(), env.model.weights, env.action_space.shape
+    state.step[:] = env.model.task.horizon - 4
     rollout = env.rollout(state, controls=np.zeros((1, 4, n)))
     env.set_state(state)
     rewards = []
@@ -126,9 +127,9 @@ def test_a_state_may_go_on_under_another_dynamics():
 
 def test_shape_mismatch_moves_an_overlapping_start():
     """The true object is larger than the planned one: the start gives way by at most 20 mm."""
-    batch = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None).unwrapped.batch
-    task = dataclasses.replace(batch.task, start=np.array([0.6, 0.13, 0.4]))  # free for the circle alone
-    sampler = StartSampler(batch.robot, task, batch.config)
+    setup = make_setup("piec_envs/PlanarArmPush-v0", escape_field=None)
+    task = dataclasses.replace(setup.task, start=np.array([0.6, 0.13, 0.4]))  # free for the circle alone
+    sampler = StartSampler(dataclasses.replace(setup, task=task))
     circle, square = (
         sampler.draw(PlantParams(object=name), 0, np.random.default_rng(0)) for name in ("circle", "square")
     )

@@ -6,11 +6,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import POSITION_LIMIT, Commands, Plant, blank_motion
-from piec_envs.dynamics.contact_step import PAPER_MODEL
+from piec_envs.dynamics.by_row import DYNAMICS, DynamicsOptions
+from piec_envs.dynamics.contact_model import PAPER_MODEL
 from piec_envs.dynamics.mujoco_ import LARGEST_MOVE, MujocoDynamics
+from piec_envs.dynamics.protocol import POSITION_LIMIT, Commands, Plant, blank_motion
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
-from piec_envs.dynamics.table import DYNAMICS, DynamicsOptions
 from piec_envs.errors import InvalidParameterError
 
 STEPS = 8
@@ -122,7 +122,7 @@ def test_an_object_beyond_its_bound_has_diverged(name):
     w = np.repeat([[[0.0, 0.004]]], 5, axis=1)
     commands, plant = Commands(np.zeros((1, 5, 4)), displacement=w), Plant("planar_arm", ["circle"], np.array([0.5]))
     q = np.zeros((1, 4))
-    motion = DYNAMICS[name](DynamicsOptions()).rollout(q, q, pose, commands, plant)
+    motion = DYNAMICS[name].made(DynamicsOptions()).rollout(q, q, pose, commands, plant)
     assert motion.diverged[0].tolist() == [False] * 3 + [True] * 3
     np.testing.assert_allclose(motion.pose[0, :, 1], pose[0, 1] + np.array([0, 0.004, 0.008, 0.008, 0.008, 0.008]))
 

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.free_bodies import SUNK, places_in, places_of, poses_at_start, rest_state
-from piec_envs.dynamics.mjcf import OBJECT_FRICTION, TABLE_FRICTION, get_model
+from piec_envs.dynamics.mjcf import OBJECT_FRICTION, TABLE_FRICTION, mujoco_model
 from piec_envs.dynamics.mujoco_ import MujocoDynamics
+from piec_envs.dynamics.protocol import Commands, Plant
 from piec_envs.world.objects import OBJECTS, get_object
 
 PUSH = "piec_envs/PlanarArmPush-v0"
@@ -53,7 +53,7 @@ def test_they_start_beside_the_object_and_rest(name):
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_the_state_is_the_engines(name):
-    model, item, pose = get_model("planar_arm", name, 0.5), get_object(name), np.array([-0.5, 0.6, 0.7])
+    model, item, pose = mujoco_model("planar_arm", name, 0.5), get_object(name), np.array([-0.5, 0.6, 0.7])
     state = rest_state(item, np.zeros(4), poses_at_start(item, pose))
     assert len(state) == mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     data = mujoco.MjData(model)
@@ -64,7 +64,7 @@ def test_the_state_is_the_engines(name):
 
 
 def test_each_pair_has_its_own_friction():
-    model = get_model("planar_arm", BETWEEN, 0.15)
+    model = mujoco_model("planar_arm", BETWEEN, 0.15)
     pairs = {model.pair(k).name: model.pair_friction[k, 0] for k in range(model.npair)}
     wanted = {f"link {k} shape 0 on {body} shape 0": 0.15 for k in (1, 2, 3, 4) for body in ("object", "loose 1")}
     wanted |= {f"table on {body} shape 0": TABLE_FRICTION for body in ("object", "loose 1")}

@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import Commands, Plant
-from piec_envs.dynamics.mjcf import TABLE_FRICTION, get_model
+from piec_envs.dynamics.mjcf import TABLE_FRICTION, mujoco_model
 from piec_envs.dynamics.mujoco_ import ENGINE_STEPS, MujocoDynamics
-from piec_envs.geometry.distance import scene_distances
+from piec_envs.dynamics.protocol import Commands, Plant
+from piec_envs.geometry.body import scene_distances
 from piec_envs.world.objects import OBJECTS, get_object
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 RIGID = [name for name, item in OBJECTS.items() if not item.loose]  # every dynamics moves them
@@ -40,7 +40,7 @@ def geoms(model, body) -> list[int]:
 @every_object
 def test_distances_and_normals_agree_with_mujoco(object_name):
     """1,000 random states: each link's distance, and the direction of the nearest one's closest points."""
-    rng, model, scene = np.random.default_rng(0), get_model("planar_arm", object_name, 0.5), pack_scene(
+    rng, model, scene = np.random.default_rng(0), mujoco_model("planar_arm", object_name, 0.5), pack_scene(
         "planar_arm", object_name
     )  # fmt: skip
     height, ours, ends = get_object(object_name).height, np.empty(4), np.empty(6)
@@ -65,7 +65,7 @@ def test_distances_and_normals_agree_with_mujoco(object_name):
 @pytest.mark.parametrize("object_name", ["water_jug", "box"])
 def test_the_panda_is_its_meshes(object_name):
     """1,000 random states of the Panda beside an object, where the closest points are level with it."""
-    model, robot, item = get_model("franka", object_name, 0.5), get_robot("franka"), get_object(object_name)
+    model, robot, item = mujoco_model("franka", object_name, 0.5), get_robot("franka"), get_object(object_name)
     rng, scene, ours, ends = np.random.default_rng(0), pack_scene("franka", object_name), np.empty(9), np.empty(6)
     (part,), checked, worst = geoms(model, "object"), 0, 0.0
     while checked < 1000:
@@ -109,7 +109,7 @@ def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
 
     Where a link lies within six degrees along a mesh's face, MuJoCo makes two contacts with that face's normal.
     """
-    model, scene = get_model("planar_arm", object_name, 0.35), pack_scene("planar_arm", object_name)
+    model, scene = mujoco_model("planar_arm", object_name, 0.35), pack_scene("planar_arm", object_name)
     height, distances, seen = get_object(object_name).height, np.empty(4), 0
     for angle in np.linspace(-np.pi, np.pi, 24):
         q, pose = np.zeros(4), np.array([0.6, 0.4, angle])
@@ -134,7 +134,7 @@ def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
 
 
 def test_model_is_the_scene():
-    model = get_model("planar_arm", "square", 0.5)
+    model = mujoco_model("planar_arm", "square", 0.5)
     robot, item = get_robot("planar_arm"), get_object("square")
     assert [model.joint(j).name for j in range(4)] == [joint.name for joint in robot.joints]
     np.testing.assert_allclose(model.actuator_gainprm[:, 0], robot.joint_array("stiffness"))

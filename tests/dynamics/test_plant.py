@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import Commands, Plant
-from piec_envs.dynamics.mjcf import build_spec, get_model
+from piec_envs.dynamics.by_row import DynamicsByRow
+from piec_envs.dynamics.mjcf import build_spec, mujoco_model
 from piec_envs.dynamics.mujoco_ import ENGINE_STEPS, MujocoDynamics
+from piec_envs.dynamics.protocol import Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
-from piec_envs.dynamics.table import DynamicsByRow
 from piec_envs.errors import InvalidParameterError, InvalidStateError
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
@@ -44,7 +44,7 @@ def test_a_changed_copy_is_the_compiled_model(robot, object_name, mass):
     item = get_object(object_name)
     heavy = dataclasses.replace(item, mass=mass * item.mass)
     compiled = arrays(build_spec(get_robot(robot), heavy, friction=0.35).compile())
-    copied = arrays(get_model(robot, object_name, 0.35, mass))
+    copied = arrays(mujoco_model(robot, object_name, 0.35, mass))
     assert compiled.keys() == copied.keys() and len(compiled) > 300
     for name, value in compiled.items():
         if mass == 1.0:
@@ -59,7 +59,7 @@ def test_a_changed_copy_moves_as_the_compiled_model(mass):
     item, ends, seen = get_object("paper_pack"), [], 0
     heavy = dataclasses.replace(item, mass=mass * item.mass)
     fresh = build_spec(get_robot("planar_arm"), heavy, friction=0.35).compile()
-    for model in (fresh, get_model("planar_arm", "paper_pack", 0.35, mass)):
+    for model in (fresh, mujoco_model("planar_arm", "paper_pack", 0.35, mass)):
         data = mujoco.MjData(model)
         data.qpos[4:] = (0.6, 0.152, item.height / 2, 1, 0, 0, 0)
         data.ctrl[:] = (0.3, 0, 0, 0)
@@ -74,7 +74,7 @@ def test_a_changed_copy_moves_as_the_compiled_model(mass):
 
 
 def test_variants_do_not_touch_each_other():
-    light, heavy = get_model("planar_arm", "square", 0.2, 0.5), get_model("planar_arm", "square", 0.7, 2.0)
+    light, heavy = mujoco_model("planar_arm", "square", 0.2, 0.5), mujoco_model("planar_arm", "square", 0.7, 2.0)
     for model, friction, mass in ((light, 0.2, 0.5), (heavy, 0.7, 2.0)):
         pairs = {model.pair(k).name: model.pair_friction[k, 0] for k in range(model.npair)}
         assert pairs["link 2 shape 0 on object shape 0"] == friction and pairs["table on object shape 0"] == 0.3
@@ -119,7 +119,7 @@ def test_a_delay_holds_the_command_before(late):
     """The engine, given by hand in each of its steps what the drives should get."""
     q = np.zeros((1, 4))
     motion = MujocoDynamics().rollout(q, q, AWAY, Commands(FREE), plant_of(delay=[0.002 * late]))
-    model = get_model("planar_arm", "circle", 0.5)
+    model = mujoco_model("planar_arm", "circle", 0.5)
     data = mujoco.MjData(model)
     data.qpos[4:] = motion.memory[0][5:12]
     commands = np.repeat(motion.q_cmd[0], ENGINE_STEPS, axis=0)  # each before its step, from the first on

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from piec_envs.dynamics.active_set import make_dual, solve_dual
-from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Plant
+from piec_envs.dynamics.contact_model import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, solve_osqp
-from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
 from piec_envs.dynamics.mujoco_ import MujocoDynamics
+from piec_envs.dynamics.protocol import CONTROL_PERIOD, Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.dynamics.reference import assemble_problem
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.world.objects import OBJECTS
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 RIGID = [name for name, item in OBJECTS.items() if not item.loose]  # every dynamics moves them
 ROBOT = get_robot("planar_arm")

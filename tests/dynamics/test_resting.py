@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import Commands, Plant
 from piec_envs.dynamics.free_bodies import SUNK, poses_at_start, rest_state
-from piec_envs.dynamics.mjcf import RAISED, get_model
+from piec_envs.dynamics.mjcf import RAISED, mujoco_model
 from piec_envs.dynamics.mujoco_ import MujocoDynamics
+from piec_envs.dynamics.protocol import Commands, Plant
 from piec_envs.world.objects import OBJECTS, get_object
 
 STEPS, EPISODE = 250, 1000  # what creeps does so evenly
@@ -30,7 +30,7 @@ def test_no_object_turns_or_moves_by_itself():
 @pytest.mark.parametrize("name", OBJECTS)
 def test_an_object_begins_in_contact_with_the_table(name):
     """By as much as it will rest, and on points around its middle, whatever its angle."""
-    item, model = get_object(name), get_model("planar_arm", name, 0.5)
+    item, model = get_object(name), mujoco_model("planar_arm", name, 0.5)
     for angle in (0.0, 0.7, -2.0):
         data = mujoco.MjData(model)
         state = rest_state(item, np.zeros(4), poses_at_start(item, np.array([*POSE[:2], angle])))

@@ -11,14 +11,14 @@ from hypothesis.extra import numpy as hnp
 from scipy.optimize import linprog
 
 from piec_envs.dynamics.active_set import make_dual, solve_dual
-from piec_envs.dynamics.base import CONTROL_PERIOD, Commands, Plant
+from piec_envs.dynamics.contact_model import PAPER_MODEL
 from piec_envs.dynamics.contact_qp import ContactProblem, ContactSolution, solve_osqp
-from piec_envs.dynamics.contact_step import PAPER_MODEL
+from piec_envs.dynamics.protocol import CONTROL_PERIOD, Commands, Plant
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
 from piec_envs.dynamics.reference import assemble_problem
 from piec_envs.dynamics.rigid import FAILED
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 SOLVERS = ("fast", "osqp")
 FRANKAS = ("mobile_franka_capsules", "franka_capsules")  # whose polygons pinch a box

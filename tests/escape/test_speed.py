@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.samples import draw_configurations, robot_distance
 from piec_envs.escape.speed import SpeedModel, cost_map, decay, slowness, slowness_slope
-from piec_envs.geometry.distance import point_distance
+from piec_envs.geometry.body import point_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
-from piec_envs.world.scene import pack_scene
+from piec_envs.world.packed import pack_robot
 
 distances = st.floats(-0.5, 3.0)
 
@@ -55,12 +55,12 @@ def test_cost_map_equals_the_scalar_kernel_bit_for_bit():
 
 def test_distance_map_equals_point_distance():
     rng = np.random.default_rng(0)
-    scene, points = pack_scene("planar_arm", "circle"), rng.uniform(-1.5, 1.5, (200, 2))
+    robot, points = pack_robot("planar_arm"), rng.uniform(-1.5, 1.5, (200, 2))
     for q in draw_configurations("planar_arm", "uniform", 3, rng):
-        frames, vertices = np.empty((5, 4)), np.empty_like(scene.robot.vertices)
-        link_frames(scene, q, frames)
-        place_shapes(scene.robot, frames, vertices, np.empty_like(scene.robot.centre))
-        expected = [point_distance(scene.robot, vertices, x, y)[0] for x, y in points]
+        frames, vertices = np.empty((5, 4)), np.empty_like(robot.shapes.vertices)
+        link_frames(robot, q, frames)
+        place_shapes(robot.shapes, frames, vertices, np.empty_like(robot.shapes.centre))
+        expected = [point_distance(robot.shapes, vertices, x, y)[0] for x, y in points]
         np.testing.assert_allclose(robot_distance("planar_arm", points, q), expected, atol=1e-12)
 
 

@@ -13,7 +13,7 @@ import pytest
 import piec_envs
 from piec_envs.escape import SpeedModel, table, table_key
 from piec_envs.escape.table import TableField
-from piec_envs.world import scene
+from piec_envs.world import packed
 from piec_envs.world.robots import ROBOTS, get_robot
 
 TINY = {"robot_name": "franka_capsules", "resolution": 16, "spacing": 0.5}
@@ -70,11 +70,11 @@ def test_every_number_of_the_speed_counts(keys, number):
     assert len(set(keys)) == 2
 
 
-def test_a_change_in_how_scenes_are_packed_counts(keys, monkeypatch):
+def test_a_change_in_how_robots_are_packed_counts(keys, monkeypatch):
     TableField(**TINY)
-    packed = scene.pack_scene(TINY["robot_name"], "circle")
-    moved = packed._replace(robot=packed.robot._replace(centre=packed.robot.centre + 1e-6))
-    monkeypatch.setattr(table, "pack_scene", lambda *_: moved)
+    robot = packed.pack_robot(TINY["robot_name"])
+    moved = robot._replace(shapes=robot.shapes._replace(centre=robot.shapes.centre + 1e-6))
+    monkeypatch.setattr(table, "pack_robot", lambda _: moved)
     TableField(**TINY)
     assert len(set(keys)) == 2
 

@@ -8,8 +8,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from evaluation.studies.annulus import Annulus
-from piec_envs.geometry.distance import point_distance
-from piec_envs.world.scene import pack_shapes
+from piec_envs.geometry.body import point_distance
+from piec_envs.world.packed import pack_shapes
 
 UPRIGHT = Annulus(centre=(0.5, 0.0), angle=0.0, outer=0.2, inner=0.1)
 

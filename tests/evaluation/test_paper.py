@@ -10,9 +10,9 @@ import pytest
 from evaluation.studies import STUDIES, paper
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
 from evaluation.studies.paper import PAPER_NOTES, PAPER_PLANNER, all_notes, paper_cases
-from piec_envs.dynamics.contact_step import PAPER_MODEL, ContactModel
-from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.tasks import PAPER_PRESETS, PRESETS, TASKS, CostWeights
+from piec_envs.dynamics.contact_model import PAPER_MODEL, ContactModel
+from piec_envs.env.config import EnvConfig
+from piec_envs.model.task import PAPER_PRESETS, PRESETS, TASKS, CostWeights
 from planners import CmaEsPlanner
 
 # Appendix A.2.1 as it stands there, written out anew; the lines from "restarts" on are what it does not say.
@@ -97,7 +97,7 @@ def test_the_letter_has_the_papers_weights_and_nothing_else():
 @pytest.mark.parametrize("task", TASKS)
 @pytest.mark.parametrize("preset", PRESETS)
 def test_the_papers_presets_have_its_contact_model(task, preset):
-    model = EnvConfig(task, preset=preset, escape_field=None).contact_model
+    model = EnvConfig(task=task, preset=preset, escape_field=None).contact_model
     assert model == (PAPER_MODEL if preset in PAPER_PRESETS else ContactModel())
     assert set(PAPER_PRESETS) == set(PRESETS) - {"default"}
 

@@ -16,9 +16,9 @@ from evaluation.cli import main
 from evaluation.plants import PLANTS, check_suits, plant_in_force, plant_line
 from evaluation.protocols import PROTOCOLS, family, get_protocol, laid_over
 from evaluation.records import read_records, work_key
-from piec_envs.episodes.tasks import TASKS
+from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import InvalidParameterError, PlanError, UnknownNameError
-from piec_envs.registration import MOTIONS
+from piec_envs.model.task import TASKS
 from piec_envs.world.objects import OBJECTS
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import OBJECTIVES
@@ -234,7 +234,7 @@ def test_every_default_of_the_plant_in_force_is_filled_in(env_id):
     assert {name: plant[name] for name in params if name != "start"} == {
         n: v for n, v in params.items() if n != "start"
     }
-    assert plant["goal"] == env.unwrapped.batch.task.goal.tolist() and plant["robot"] == env.unwrapped.batch.robot.name
+    assert plant["goal"] == env.unwrapped.model.task.goal.tolist() and plant["robot"] == env.unwrapped.model.robot.name
     assert json.loads(json.dumps(plant)) == plant and plant["task"] in plant_line(plant)
 
 
@@ -246,7 +246,7 @@ def test_every_default_of_the_plant_in_force_is_filled_in(env_id):
         (OpenLoopPolicy, PUSH, "a policy has"),
         (lambda observation: observation, None, "env_id is needed.*PlanarArmPush"),
         (lambda observation: observation, "env", f"'{PUSH}' and its keyword arguments"),
-        (lambda observation: observation, "envs", "an environment object was given: PlanarArmPushVectorEnv"),
+        (lambda observation: observation, "envs", "an environment object was given: VectorEnv"),
         ("env", PUSH, "the policy comes first"),
     ],
 )

@@ -6,8 +6,8 @@ import pytest
 
 import piec_envs  # noqa: F401  registers the environments
 from evaluation.protocols import PROTOCOLS, get_protocol, is_random
-from piec_envs.episodes.config import EnvConfig
-from piec_envs.episodes.state import PlantParams
+from piec_envs.dynamics.plant import PlantParams
+from piec_envs.env.config import EnvConfig
 from piec_envs.errors import UnknownNameError
 
 REAL = [name for name in PROTOCOLS if name.startswith("sim-to-real-")]  # these have starts of their own, and no twin
@@ -20,7 +20,7 @@ def test_rows_are_valid(name):
     protocol = get_protocol(name)
     assert protocol.name == name and protocol.description
     PlantParams().replace(protocol.params)
-    EnvConfig("planar_arm_push", **protocol.env_kwargs({"object": "square"}))
+    EnvConfig(task="planar_arm_push", **protocol.env_kwargs({"object": "square"}))
     drawn = name.endswith("-start") or name in [*LEVELS, *REAL, "combined"]
     assert is_random(protocol.env_kwargs()) == drawn
 
@@ -58,7 +58,7 @@ def test_what_a_protocol_draws_reaches_the_env(name):
         else:
             assert len(set(values)) == 12 and choices[0] <= min(values) <= max(values) <= choices[1]
     assert all(params["dynamics"] == "mujoco" for params in drawn)
-    task = env.unwrapped.batch.task
+    task = env.unwrapped.model.task
     starts = np.array([params["start"] for params in drawn]) - task.start
     assert 0 < np.hypot(*starts[:, :2].T).max() <= np.hypot(*[protocol.start_noise[0]] * 2)
     assert 0 < np.abs(starts[:, 2]).max() <= protocol.start_noise[1]

@@ -186,7 +186,7 @@ def test_a_fresh_run_keeps_only_what_these_sources_have_made(made, tmp_path, mon
         file.write_bytes(b"")
     assert fresh.clear(out, PLANNED) == 0
     assert vouched.exists() and not stale.exists()
-    monkeypatch.setattr(fresh, "source", lambda: {"commit": None, "modified": None, "digest": "later"})
+    monkeypatch.setattr(fresh.provenance, "source", lambda: {"commit": None, "modified": None, "digest": "later"})
     planned = sum(record["spec"]["work"] == "plan" for record in read_records(out / PLANNED / "records.jsonl"))
     assert fresh.clear(out, PLANNED, evaluations_only=True) > 0
     assert len(read_records(out / PLANNED / "records.jsonl")) == planned and vouched.exists()
@@ -194,7 +194,7 @@ def test_a_fresh_run_keeps_only_what_these_sources_have_made(made, tmp_path, mon
 
 
 def test_agents_and_fields_of_other_sources_are_made_anew_and_a_stopped_training_goes_on(tmp_path, monkeypatch):
-    monkeypatch.setattr(fresh, "source", lambda: {"digest": "now"})
+    monkeypatch.setattr(fresh.provenance, "source", lambda: {"digest": "now"})
     train = {"spec": {"work": "train"}, "source": {"digest": "old"}}
     folders = {name: tmp_path / "agents" / name for name in ("old", "unsaid", "now", "stopped")}
     for name, folder in folders.items():

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.shape_mismatch import shape_mismatch, surface
+from evaluation.shape_mismatch import shape_mismatch
 from piec_envs.errors import InvalidShapeError
+from piec_envs.geometry.surface import trace_surface
 from piec_envs.world.objects import get_object
 from piec_envs.world.shapes import RoundedPolygon, box, capsule, disc, regular_polygon
 
@@ -77,13 +78,15 @@ def test_a_union_is_seen_from_outside_alone():
     left = RoundedPolygon([(-0.1, -0.1), (0.0, -0.1), (0.0, 0.1), (-0.1, 0.1)])
     right = RoundedPolygon([(0.0, -0.1), (0.1, -0.1), (0.1, 0.1), (0.0, 0.1)])
     directions = np.linspace(0, 2 * np.pi, 77)
-    for seen, whole in zip(surface([left, right], directions), surface([box(0.2, 0.2)], directions), strict=True):
+    for seen, whole in zip(
+        trace_surface([left, right], directions), trace_surface([box(0.2, 0.2)], directions), strict=True
+    ):
         np.testing.assert_allclose(seen, whole, atol=1e-8)
 
 
-def test_the_normal_is_that_of_the_surface():
+def test_the_normal_is_that_of_the_trace_surface():
     directions = np.linspace(0.01, 2 * np.pi, 100)
-    reach, normal = surface([regular_polygon(5, RADIUS)], directions)
+    reach, normal = trace_surface([regular_polygon(5, RADIUS)], directions)
     sides = 2 * np.pi * np.round(directions * 5 / (2 * np.pi)) / 5  # angle of the side that is met
     np.testing.assert_allclose(normal, np.column_stack([np.cos(sides), np.sin(sides)]), atol=1e-8)
     np.testing.assert_allclose(reach * np.cos(directions - sides), RADIUS, atol=1e-7)
@@ -91,7 +94,7 @@ def test_the_normal_is_that_of_the_surface():
 
 def test_a_direction_without_surface_is_left_out():
     beside = [disc(0.02, (0.1, 0.0))]
-    reach, normal = surface(beside, np.array([0.0, np.pi]))
+    reach, normal = trace_surface(beside, np.array([0.0, np.pi]))
     assert reach[0] == pytest.approx(0.12, abs=1e-7) and normal[0] == pytest.approx([1, 0])
     assert np.isnan(reach[1]) and np.isnan(normal[1]).all()
     assert shape_mismatch(CIRCLE, beside).worst_displacement[0] == pytest.approx(0.045, abs=1e-6)

@@ -9,8 +9,8 @@ import pytest
 from evaluation.bench import soak
 from evaluation.bench.soak import Cell, make_cells, run_cell, run_soak
 from evaluation.commands.bench import SOAK_STEPS
-from piec_envs.dynamics.table import DYNAMICS
-from piec_envs.registration import ENVS
+from piec_envs.dynamics.by_row import DYNAMICS
+from piec_envs.env.registry import ENVS
 from piec_envs.world.objects import OBJECTS
 
 PUSH = "piec_envs/PlanarArmPush-v0"

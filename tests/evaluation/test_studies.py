@@ -17,8 +17,8 @@ from evaluation.studies.common import Case, StudyRun, distance_columns, success_
 from evaluation.studies.mismatch import with_starts
 from evaluation.studies.work import plan_file
 from evaluation.tables import cell
+from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import UnknownNameError
-from piec_envs.registration import MOTIONS
 from planners import Plan
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -213,6 +213,6 @@ def test_executions_of_tracking_carry_their_reference():
         q_r=np.zeros((1, 2, 4)), pose=np.zeros((1, 2, 3)), contact=np.zeros((1, 2, 4), dtype=bool)
     )
     drawn = trajectory(Case("caging", {}, {}, env_id), nominal)
-    task = gym.make(env_id, escape_field=None).unwrapped.batch.task
+    task = gym.make(env_id, escape_field=None).unwrapped.model.task
     np.testing.assert_array_equal(drawn.reference, task.reference)
     assert trajectory(Case("caging", {}), nominal).reference is None

@@ -8,17 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piec_envs.dynamics.contacts import contact_rows, find_contacts, make_contacts
-from piec_envs.geometry.distance import (
-    core_distance,
-    least_distance,
-    link_distances,
-    make_pairs,
-    point_distance,
-    scene_distances,
-)
-from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity, pose_frame
+from piec_envs.geometry.body import least_distance, make_placed, place_scene, point_distance, scene_distances
+from piec_envs.geometry.distance import core_distance
+from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity
 from piec_envs.world.objects import OBJECTS
-from piec_envs.world.scene import pack_scene
+from piec_envs.world.packed import pack_robot, pack_scene
 from piec_envs.world.shapes import regular_polygon
 
 angles = st.floats(-2.5, 2.5)
@@ -27,21 +21,16 @@ poses = st.tuples(st.floats(-0.9, 0.9), st.floats(-0.9, 0.9), st.floats(-3, 3)).
 
 
 def placed(scene, q, pose):
-    frames, object_frame = np.empty((5, 4)), np.empty((1, 4))
-    robot = np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
-    item = np.empty_like(scene.object.vertices), np.empty_like(scene.object.centre)
-    link_frames(scene, q, frames)
-    place_shapes(scene.robot, frames, *robot)
-    pose_frame(pose, object_frame)
-    place_shapes(scene.object, object_frame, *item)
-    return frames, robot, item
+    """The scene at a state."""
+    made = make_placed(scene)
+    place_scene(scene, q, pose, made, np.empty(scene.robot.links))
+    return made
 
 
-def contacts_within(scene, robot_vertices, object_vertices, margin):
-    """Contacts of placed shapes nearer than a margin."""
-    contacts, pairs = make_contacts(), make_pairs(scene)
-    link_distances(scene, robot_vertices, object_vertices, pairs, np.empty(scene.links))
-    find_contacts(scene, robot_vertices, object_vertices, pairs, margin, contacts)
+def contacts_within(scene, made, margin):
+    """Contacts of a placed scene nearer than a margin."""
+    contacts = make_contacts()
+    find_contacts(scene, made, margin, contacts)
     return contacts
 
 
@@ -53,7 +42,7 @@ def link_ends(q):
 @given(q=configurations)
 def test_frames_equal_the_complex_product(q):
     scene = pack_scene("planar_arm", "circle")
-    _, (vertices, _), _ = placed(scene, q, np.zeros(3))
+    vertices = placed(scene, q, np.zeros(3)).robot_vertices
     ends = link_ends(q)
     np.testing.assert_allclose(vertices[::2] @ [1, 1j], ends[:-1], atol=1e-14)
     np.testing.assert_allclose(vertices[1::2] @ [1, 1j], ends[1:], atol=1e-14)
@@ -62,11 +51,11 @@ def test_frames_equal_the_complex_product(q):
 @given(q=configurations, x=st.floats(-1.5, 1.5), y=st.floats(-1.5, 1.5))
 def test_point_distance_equals_sampled_capsules(q, x, y):
     scene = pack_scene("planar_arm", "circle")
-    _, (vertices, _), _ = placed(scene, q, np.zeros(3))
+    vertices = placed(scene, q, np.zeros(3)).robot_vertices
     ends = link_ends(q)
     samples = ends[:-1, None] + (ends[1:] - ends[:-1])[:, None] * np.linspace(0, 1, 2001)
     expected = np.abs(samples - (x + 1j * y)).min() - 0.05
-    distance, _, c_x, c_y, n_x, n_y = point_distance(scene.robot, vertices, x, y)
+    distance, _, c_x, c_y, n_x, n_y = point_distance(scene.robot.shapes, vertices, x, y)
     assert abs(distance - expected) < 2e-4
     np.testing.assert_allclose([c_x + distance * n_x, c_y + distance * n_y], [x, y], atol=1e-8)
 
@@ -77,11 +66,12 @@ def test_point_distance_equals_sampled_capsules(q, x, y):
     y=st.floats(-1, 1),
 )
 def test_least_distance_is_point_distance(q, x, y):
-    scene = pack_scene("franka_capsules", "circle")
-    frames, vertices, centres = np.empty((4, 4)), np.empty_like(scene.robot.vertices), np.empty_like(scene.robot.centre)
-    link_frames(scene, np.array(q), frames)
-    place_shapes(scene.robot, frames, vertices, centres)
-    assert least_distance(scene.robot, vertices, centres, x, y) == point_distance(scene.robot, vertices, x, y)[0]
+    robot = pack_robot("franka_capsules")
+    shapes = robot.shapes
+    frames, vertices, centres = np.empty((4, 4)), np.empty_like(shapes.vertices), np.empty_like(shapes.centre)
+    link_frames(robot, np.array(q), frames)
+    place_shapes(shapes, frames, vertices, centres)
+    assert least_distance(shapes, vertices, centres, x, y) == point_distance(shapes, vertices, x, y)[0]
 
 
 @given(q=configurations, pose=poses, name=st.sampled_from(list(OBJECTS)), step=st.tuples(*[st.floats(-1, 1)] * 3))
@@ -122,7 +112,7 @@ def test_core_distance_of_two_squares(gap, shift):
 def test_point_velocity_against_finite_differences(q, j, x, y):
     """A point fixed to the frame after joint j, moved by that joint."""
     scene = pack_scene("planar_arm", "circle")
-    frames, _, _ = placed(scene, q, np.zeros(3))
+    frames = placed(scene, q, np.zeros(3)).frames
     local = np.exp(-1j * np.angle(frames[j + 1, 2] + 1j * frames[j + 1, 3])) * (
         x + 1j * y - (frames[j + 1, 0] + 1j * frames[j + 1, 1])
     )
@@ -130,10 +120,10 @@ def test_point_velocity_against_finite_differences(q, j, x, y):
     for sign in (-1, 1):
         turned = q.copy()
         turned[j] += sign * h
-        f, _, _ = placed(scene, turned, np.zeros(3))
+        f = placed(scene, turned, np.zeros(3)).frames
         moved.append(f[j + 1, 0] + 1j * f[j + 1, 1] + (f[j + 1, 2] + 1j * f[j + 1, 3]) * local)
     slope = (moved[1] - moved[0]) / (2 * h)
-    np.testing.assert_allclose(point_velocity(scene, frames, j, x, y), [slope.real, slope.imag], atol=1e-8)
+    np.testing.assert_allclose(point_velocity(scene.robot, frames, j, x, y), [slope.real, slope.imag], atol=1e-8)
 
 
 @settings(max_examples=60)
@@ -141,8 +131,8 @@ def test_point_velocity_against_finite_differences(q, j, x, y):
 def test_contact_rows_are_the_slopes_of_the_gap(q, pose, name):
     """With friction 0 each row is the derivative of the nearest contact's gap."""
     scene = pack_scene("planar_arm", name)
-    frames, robot, item = placed(scene, q, pose)
-    contacts = contacts_within(scene, robot[0], item[0], 0.5)
+    made = placed(scene, q, pose)
+    contacts = contacts_within(scene, made, 0.5)
     distances = np.empty(4)
     scene_distances(scene, q, pose, distances)
     number = contacts.number[0]
@@ -154,7 +144,7 @@ def test_contact_rows_are_the_slopes_of_the_gap(q, pose, name):
     if number > 1 and gaps[order[1]] - gaps[order[0]] < 1e-4:
         return  # two contacts equally near: the least distance has a kink
     rows = np.empty((64, 7))
-    contact_rows(scene, frames, pose, contacts, 0.0, rows)
+    contact_rows(scene, made.frames, pose, contacts, 0.0, rows)
     slope, h = np.empty(7), 1e-6
     for j in range(7):
         values = []
@@ -169,8 +159,8 @@ def test_contact_rows_are_the_slopes_of_the_gap(q, pose, name):
 
 def test_face_on_face_gives_two_contacts():
     scene = pack_scene("planar_arm", "square")
-    _, robot, item = placed(scene, np.zeros(4), np.array([0.6, 0.126, 0.0]))
-    contacts = contacts_within(scene, robot[0], item[0], 0.01)
+    made = placed(scene, np.zeros(4), np.array([0.6, 0.126, 0.0]))
+    contacts = contacts_within(scene, made, 0.01)
     near = contacts.gap[: contacts.number[0]]
     assert contacts.number[0] == 2
     np.testing.assert_allclose(near, 0.001, atol=1e-12)

@@ -8,8 +8,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.episodes.tasks import MOBILE, mobile_franka_track
 from piec_envs.errors import InvalidParameterError, PlanError
+from piec_envs.model.task import MOBILE, mobile_franka_track
 from planners import OpenLoopPolicy, Plan, RigidCarry
 
 PUSH, TRACK = "piec_envs/MobileFrankaPush-v0", "piec_envs/MobileFrankaTrack-v0"

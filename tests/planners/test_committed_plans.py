@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.base import CONTROL_PERIOD
-from piec_envs.episodes.tasks import PAPER_PRESETS
+from piec_envs.dynamics.protocol import CONTROL_PERIOD
+from piec_envs.model.task import PAPER_PRESETS
 from piec_envs.world.robots import get_robot
 from planners import Plan
 from planners.base import nominal_start

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from piec_envs.episodes.posture import COLLISION_WEIGHT, Postures
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.escape.field import make_field, object_escape_time
+from piec_envs.model.caging_problem import COLLISION_WEIGHT, Postures
 from piec_envs.world.objects import OBJECTS, get_object
 from planners import CagingProblem, CmaEsConfiguration, SqpConfiguration
 from planners.configuration import draw_postures

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import piec_envs  # noqa: F401  registers the environments
+from piec_envs.env.makers import make_model
 from planners.objectives import DIVERGENCE_WEIGHT, PathCost
 
 INSIDE = [0.6, 0.02, 0.1]  # of three discs on the arm's axis: links on both sides, no way out
@@ -16,11 +16,10 @@ PAPER = {"object": "three_discs", "preset": "paper", "escape_field": None, "prio
 @pytest.fixture(scope="module")
 def stuck():
     """The cost from a start that no step leads out of, and from one that all do."""
-    batch = gym.make("piec_envs/PlanarArmPush-v0", disable_env_checker=True, **PAPER).unwrapped.batch
-    batch.reset(np.array([0]), [0], None)
-    free, caught = batch.state.copy(), batch.state.copy()
+    model = make_model("piec_envs/PlanarArmPush-v0", **PAPER)
+    free, caught = model.reset(0), model.reset(0)
     caught.q_r[:], caught.q_cmd[:], caught.pose[:] = 0.0, 0.0, INSIDE
-    return PathCost(batch, free), PathCost(batch, caught)
+    return PathCost(model, free), PathCost(model, caught)
 
 
 def test_what_diverges_at_once_costs_more_than_anything_else(stuck):

@@ -15,8 +15,8 @@ from gymnasium.wrappers import (
     TimeAwareObservation,
 )
 
+from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import InvalidObservationError
-from piec_envs.registration import MOTIONS
 from planners import Plan
 
 PUSH = "piec_envs/PlanarArmPush-v0"
@@ -32,7 +32,7 @@ def options(env_id: str) -> dict:
 def plan_for(env_id: str) -> Plan:
     """A plan that moves every joint a little."""
     env = gym.make(env_id, **options(env_id)).unwrapped
-    robot, start = env.batch.robot, env.batch.config.posture
+    robot, start = env.model.robot, env.model.setup.posture
     path = start + np.linspace(0, 0.4, 1001)[:, None]
     return Plan(
         env_id=env_id,

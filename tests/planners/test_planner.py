@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from piec_envs.episodes.posture import CagingProblem
-from piec_envs.episodes.tasks import GOAL_RADIUS
+from piec_envs.env.makers import make_model, make_setup
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
+from piec_envs.model.caging_problem import CagingProblem
+from piec_envs.model.task import GOAL_RADIUS
 from planners import CmaEsPlanner, Plan
 from planners.base import nominal_start
 from planners.cma_es import disturbed_samples
@@ -50,36 +50,34 @@ def test_trajectory_has_the_least_squared_acceleration():
 
 
 @pytest.fixture(scope="module")
-def batch():
-    env = gym.make(PUSH, escape_field=None).unwrapped
-    env.reset(seed=0)
-    return env.batch
+def model():
+    return make_model(PUSH, escape_field=None)
 
 
-def test_crossing_is_zero_for_a_free_arm_and_positive_for_a_knot(batch):
+def test_crossing_is_zero_for_a_free_arm_and_positive_for_a_knot(model):
     free = np.zeros((1, 100, 4))
     knot = np.tile([0.0, 2.5, 2.5, 2.5], (1, 100, 1))
-    assert crossing(batch, free)[0] == 0
-    assert crossing(batch, knot)[0] > 0.1
+    assert crossing(model, free)[0] == 0
+    assert crossing(model, knot)[0] > 0.1
 
 
-def test_disturbed_cost_without_disturbance_is_the_nominal_one_but_for_the_margin(batch):
-    cost = PathCost(batch, batch.state)
+def test_disturbed_cost_without_disturbance_is_the_nominal_one_but_for_the_margin(model):
+    cost = PathCost(model, model.reset(0))
     path = np.linspace(0, 1, 1000)[None, :, None] * np.array([-1.5, 0.5, 0.5, 0.5])  # touches nothing
-    end = batch.rollout(batch.state, path, absolute=True).column("goal_distance")[0, -1]
-    margin = batch.weights.miss * (end - (GOAL_RADIUS - MISS_MARGIN))
-    np.testing.assert_allclose(cost.disturbed(path, batch.state), cost.nominal(path) + margin, rtol=1e-9)
+    end = model.rollout(model.reset(0), path, absolute=True).column("goal_distance")[0, -1]
+    margin = model.weights.miss * (end - (GOAL_RADIUS - MISS_MARGIN))
+    np.testing.assert_allclose(cost.disturbed(path, model.reset(0)), cost.nominal(path) + margin, rtol=1e-9)
 
 
-def test_enclosing_posture_holds_the_object(batch):
+def test_enclosing_posture_holds_the_object(model):
     field = make_field("grid", "planar_arm", resolution=32)
     pose = np.array([-0.3, 0.4, 0.0])
-    posture = enclosing_posture(batch, field, pose, seed=(0, 0), curl=1.0)
+    posture = enclosing_posture(model.setup, field, pose, seed=(0, 0), curl=1.0)
     problem = CagingProblem("planar_arm", "circle", pose, field, clearance=REACHABLE)
     judged = problem.measure(posture[None])
     assert judged.feasible[0] and (posture[1:] > 0).all()
     assert judged.value[0] > 2 * (1.4 - 0.5) / 0.05  # at least twice the time of an empty workspace
-    again = enclosing_posture(batch, field, pose, seed=(0, 0), curl=1.0)
+    again = enclosing_posture(model.setup, field, pose, seed=(0, 0), curl=1.0)
     np.testing.assert_array_equal(posture, again)
 
 
@@ -115,9 +113,8 @@ def test_searches_do_not_share_random_numbers():
 def test_polishing_disturbs_every_objective_alike(objective):
     """The planner's own noise knows no adversary, or mode 4 would be polished against a steady wind."""
     kwargs = {"adversary": OBJECTIVES[objective].adversary} if OBJECTIVES[objective].escape_field else {}
-    env = gym.make(PUSH, escape_field="grid" if kwargs else None, **kwargs).unwrapped
-    env.reset(seed=0)
-    samples = disturbed_samples(env.batch.config, CmaEsPlanner(objective=objective), seed=2)
+    setup = make_setup(PUSH, escape_field="grid" if kwargs else None, **kwargs)
+    samples = disturbed_samples(setup, CmaEsPlanner(objective=objective), seed=2)
     assert all((params.adversary, params.disturbance) == (0.0, 0.005) for params in samples.params)
     assert samples.rows == 8 and len(set(samples.seed.tolist())) == 8
 
@@ -125,15 +122,15 @@ def test_polishing_disturbs_every_objective_alike(objective):
 def test_polishing_draws_what_the_env_draws_and_the_nominal_run_does_not():
     """Each disturbed run has a plant and a start of its own; the model they stand beside is the task's."""
     drawn = {"randomize": {"object": ["circle", "square"], "friction": [0.2, 0.8]}, "start_noise": [0.01, 0.1]}
-    batch, start, config = nominal_start(PUSH, {"escape_field": None, **drawn}, seed=3)
-    np.testing.assert_array_equal(start.pose[0], batch.task.start)
-    assert start.params == [batch.config.params]
+    model, start, setup = nominal_start(PUSH, {"escape_field": None, **drawn}, seed=3)
+    np.testing.assert_array_equal(start.pose[0], model.task.start)
+    assert start.params == [model.setup.plant]
     planner = CmaEsPlanner(objective="contact")
-    samples, again, other = (disturbed_samples(config, planner, seed) for seed in (2, 2, 1))
+    samples, again, other = (disturbed_samples(setup, planner, seed) for seed in (2, 2, 1))
     assert {params.object for params in samples.params} == {"circle", "square"}
     assert len({params.friction for params in samples.params}) == samples.rows
     assert all(0.2 <= params.friction <= 0.8 and params.disturbance == 0.005 for params in samples.params)
-    away = np.abs(samples.pose - batch.task.start)
+    away = np.abs(samples.pose - model.task.start)
     assert (away > 0).all() and (away <= [0.01, 0.01, 0.1]).all()
     np.testing.assert_array_equal(samples.pose, again.pose)
     assert samples.params == again.params != other.params

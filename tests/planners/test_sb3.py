@@ -11,8 +11,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from piec_envs.env.registry import ENVS, MOTIONS
 from piec_envs.errors import InvalidParameterError, UnknownNameError
-from piec_envs.registration import ENVS, MOTIONS
 
 pytest.importorskip("stable_baselines3")
 

@@ -4,8 +4,8 @@ from importlib import resources
 
 import pytest
 
+from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import InvalidParameterError, UnknownNameError
-from piec_envs.registration import MOTIONS
 
 pytest.importorskip("stable_baselines3")
 

@@ -13,9 +13,9 @@ from scipy.spatial import ConvexHull
 
 from piec_envs.errors import InvalidShapeError, MeshError, UnknownNameError
 from piec_envs.geometry.kinematics import link_frames
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot, panda
 from piec_envs.world.robots.franka import LINKS, PLANE, POSTURE, REACH_UP, all_joints, planar_frames
-from piec_envs.world.scene import pack_scene
 from piec_envs.world.sections import TOLERANCE, cross_section
 
 ROBOTS = ("franka", "franka_capsules")
@@ -57,10 +57,10 @@ def test_frames_are_rigid_and_batched():
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_planar_frames_are_those_in_space(name):
-    robot, scene = get_robot(name), pack_scene(name, "circle")
+    robot, packed = get_robot(name), pack_robot(name)
     for q in rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"), (20, 3)):
         frames, space = np.empty((4, 4)), panda.body_frames(all_joints(q))
-        link_frames(scene, q, frames)
+        link_frames(packed, q, frames)
         for frame, body in ((1, 1), (2, 4), (3, 6)):
             np.testing.assert_allclose(frames[frame, :2], space[body, :2, 3], atol=1e-8)
             np.testing.assert_allclose(frames[frame, 2:], space[body, :2, 0], atol=1e-8)
@@ -71,7 +71,7 @@ def test_straight_and_curled():
     robot = get_robot("franka_capsules")
     assert robot.curl_sides(0.6) == (-1.0,) and robot.curl_sides(0.1) == (-1.0, 1.0)
     points, frames = [np.zeros(2)], np.empty((4, 4))
-    link_frames(pack_scene(robot.name, "circle"), np.r_[0.0, robot.straight[1:]], frames)
+    link_frames(pack_robot(robot.name), np.r_[0.0, robot.straight[1:]], frames)
     points += [frames[2, :2], frames[3, :2]]
     c, s = frames[3, 2:]
     points.append(frames[3, :2] + np.array([[c, -s], [s, c]]) @ robot.tip)

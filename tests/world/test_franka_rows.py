@@ -6,15 +6,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from piec_envs.dynamics.table import DYNAMICS
+from piec_envs.dynamics.by_row import DYNAMICS
 from piec_envs.errors import UnknownNameError
-from piec_envs.geometry.distance import scene_distances
+from piec_envs.geometry.body import scene_distances
 from piec_envs.geometry.kinematics import link_frames
+from piec_envs.world.packed import pack_robot, pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.robots.franka import BASES, CONTACTS, FRANKAS, GEOMETRIES, LINKS, franka_name
-from piec_envs.world.scene import pack_scene
+from piec_envs.world.robots.franka import FRANKA_BASES, FRANKA_CONTACTS, FRANKA_GEOMETRIES, FRANKAS, LINKS, franka_name
 
-PAIRS = [(base, geometry) for base in BASES for geometry in GEOMETRIES]
+PAIRS = [(base, geometry) for base in FRANKA_BASES for geometry in FRANKA_GEOMETRIES]
 
 
 def parts(robot):
@@ -25,13 +25,13 @@ def parts(robot):
 def distances(robot_name, object_name, q, pose):
     """Distance of each link to the object, m."""
     scene = pack_scene(robot_name, object_name)
-    found = np.empty(scene.links)
+    found = np.empty(scene.robot.links)
     scene_distances(scene, np.asarray(q, dtype=float), np.asarray(pose, dtype=float), found)
     return found
 
 
 def test_there_is_a_row_for_each_combination():
-    assert len(FRANKAS) == len(BASES) * len(CONTACTS) * len(GEOMETRIES) == 12
+    assert len(FRANKAS) == len(FRANKA_BASES) * len(FRANKA_CONTACTS) * len(FRANKA_GEOMETRIES) == 12
     for word in ("flying", "elbow", "spheres"):
         words = ["fixed", "whole_arm", "meshes"]
         words[("flying", "elbow", "spheres").index(word)] = word
@@ -50,7 +50,7 @@ def test_links_and_scenery_together_are_all_parts(base, geometry):
         names = [link.name for link in robot.links + robot.scenery]
         assert len(set(names)) == len(names) and robot.whole_name == whole.name
         assert {link.name for link in robot.links} == (
-            {"point"} if contact == "point" else {*CONTACTS["link"]} & touching
+            {"point"} if contact == "point" else {*FRANKA_CONTACTS["link"]} & touching
         )
         assert {name: part for name, part in parts(robot).items() if name != "point"} == parts(whole)
 
@@ -67,7 +67,7 @@ def test_every_part_but_the_foot_turns_and_all_move_with_the_base(name):
     if base:
         moved, frames = np.array([0.3, -0.2]), np.empty((2, robot.dof + 1, 4))
         for k, place in enumerate((np.zeros(2), moved)):
-            link_frames(pack_scene(name, "circle"), np.append(place, [0.4, -1.0, 2.0]), frames[k])
+            link_frames(pack_robot(name), np.append(place, [0.4, -1.0, 2.0]), frames[k])
         np.testing.assert_allclose(frames[1, 2:, :2] - frames[0, 2:, :2], np.tile(moved, (4, 1)), atol=1e-12)
         np.testing.assert_array_equal(frames[1, 2:, 2:], frames[0, 2:, 2:])
 
@@ -82,7 +82,7 @@ def test_parts_that_touch_nothing_pass_through_the_object(base, joint, steps, dy
         y for y in np.arange(0.05, 0.3, 1e-3) if distances(whole.name, "circle", whole.home, (0.2, y, 0)).min() > 0
     )
     moved = {}
-    for contact in CONTACTS:
+    for contact in FRANKA_CONTACTS:
         options = {"contact": contact, "geometry": "capsules", "object": "circle", "dynamics": dynamics}
         env = gym.make(env_id, escape_field=None, **options).unwrapped
         env.reset(seed=0, options={"state": {"q_r": whole.home, "pose": [0.2, beside, 0.0]}})

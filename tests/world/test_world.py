@@ -7,8 +7,8 @@ import pytest
 
 from piec_envs.errors import InvalidShapeError, UnknownNameError
 from piec_envs.world.objects import OBJECTS, Object, get_object
+from piec_envs.world.packed import pack_scene
 from piec_envs.world.robots import ROBOTS, get_robot
-from piec_envs.world.scene import pack_scene
 from piec_envs.world.shapes import RoundedPolygon, box, capsule, disc, regular_polygon
 
 
@@ -95,8 +95,8 @@ def test_each_loose_roll_stands_a_millimetre_beside_the_box():
 @pytest.mark.parametrize("name", OBJECTS)
 def test_every_object_packs(name):
     scene = pack_scene("planar_arm", name)
-    assert scene.object.first[-1] == len(scene.object.vertices)
-    assert (scene.robot.first[1:] > scene.robot.first[:-1]).all()
+    assert scene.object.shapes.first[-1] == len(scene.object.shapes.vertices)
+    assert (scene.robot.shapes.first[1:] > scene.robot.shapes.first[:-1]).all()
 
 
 @pytest.mark.parametrize("name", ROBOTS)

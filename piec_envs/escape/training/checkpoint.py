@@ -32,7 +32,12 @@ class Resumable(Protocol):
 
 
 def write_checkpoint(path: Path, training: Resumable) -> None:
-    """Write the state of a training, under a temporary name first."""
+    """Write the state of a training, under a temporary name first.
+
+    Args:
+        path: of the npz file; its folder is made.
+        training: the training.
+    """
     arrays = {f"round/{name}": array for name, array in training.round_start.items()}
     for name, tensor in training.module.state_dict().items():
         arrays[f"module/{name}"] = tensor.detach().cpu().numpy()
@@ -52,6 +57,10 @@ def write_checkpoint(path: Path, training: Resumable) -> None:
 
 def read_checkpoint(path: Path, training: Resumable) -> None:
     """Put a training into the state of a checkpoint.
+
+    Args:
+        path: of the npz file.
+        training: is changed.
 
     Raises:
         WeightsError: if the file is broken, or of a training with another recipe, robot or seed.

@@ -10,12 +10,12 @@ import numpy as np
 from piec_envs.escape.network import NetworkField
 from piec_envs.escape.speed import slowness
 from piec_envs.escape.training.recipes import Bellman
-from piec_envs.geometry.distance import least_distance
+from piec_envs.geometry.body import least_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel, kernel
 from piec_envs.parallel import run_rows
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 CHUNK = 8192  # points whose candidates are in memory together
 FREE = 12.0  # widths 1/s of the sigmoid beyond its middle, where the robot slows nothing down by more than 1e-5
@@ -31,7 +31,7 @@ def _way_out(x, y, e_x, e_y, radius):
 
 
 @kernel
-def _add_time(robot, speed, placed, start, direction, reach, step):
+def _add_time(shapes, speed, placed, start, direction, reach, step):
     """Integral of the slowness along start + s direction for s in reach = (from, to), s.
 
     Steps are at most `step` long and do not jump over the edge of the wall, since d has slope 1; for the
@@ -40,21 +40,21 @@ def _add_time(robot, speed, placed, start, direction, reach, step):
     vertices, centres = placed
     s, total, free = reach[0], 0.0, max(speed.d0, speed.tau + FREE / speed.s)
     while s < reach[1]:
-        d = least_distance(robot, vertices, centres, start[0] + s * direction[0], start[1] + s * direction[1])
+        d = least_distance(shapes, vertices, centres, start[0] + s * direction[0], start[1] + s * direction[1])
         if d - free > step:
             h = min(d - free, reach[1] - s)
         else:
             h = min(max(abs(d - speed.d0), LEAST_STEP), step, reach[1] - s)
             middle = s + 0.5 * h
             x, y = start[0] + middle * direction[0], start[1] + middle * direction[1]
-            d = least_distance(robot, vertices, centres, x, y)
+            d = least_distance(shapes, vertices, centres, x, y)
         total += h * slowness(speed, d)
         s += max(h, BEYOND)
     return total
 
 
 @batch_kernel
-def _straight_lines(lo, hi, scene, speed, disc, q, points, directions, lengths, out):
+def _straight_lines(lo, hi, robot, speed, disc, q, points, directions, lengths, out):
     """Rows lo to hi: the ends of straight lines, stopped at the circle, and the times to get there.
 
     Args:
@@ -67,11 +67,11 @@ def _straight_lines(lo, hi, scene, speed, disc, q, points, directions, lengths, 
     """
     base, radius, step = disc
     ends, times = out
-    frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(scene.robot.centre)
-    vertices, count = np.empty_like(scene.robot.vertices), lengths.shape[0]
+    frames, centres = np.empty((q.shape[1] + 1, 4)), np.empty_like(robot.shapes.centre)
+    vertices, count = np.empty_like(robot.shapes.vertices), lengths.shape[0]
     for row in range(lo, hi):
-        link_frames(scene, q[row], frames)
-        place_shapes(scene.robot, frames, vertices, centres)
+        link_frames(robot, q[row], frames)
+        place_shapes(robot.shapes, frames, vertices, centres)
         p = points[row]
         for k in range(directions.shape[1]):
             e = directions[row, k]
@@ -79,7 +79,7 @@ def _straight_lines(lo, hi, scene, speed, disc, q, points, directions, lengths, 
             s, total = 0.0, 0.0
             for j in range(count):
                 target = min(lengths[j], out_at)
-                total += _add_time(scene.robot, speed, (vertices, centres), p, e, (s, target), step)
+                total += _add_time(robot.shapes, speed, (vertices, centres), p, e, (s, target), step)
                 s = target
                 over = s + BEYOND if s >= out_at else s
                 ends[row, k * count + j, 0], ends[row, k * count + j, 1] = p[0] + over * e[0], p[1] + over * e[1]
@@ -98,26 +98,54 @@ class Paths:
     def __init__(self, robot_name: str, field: NetworkField, recipe: Bellman):
         robot = get_robot(robot_name)
         self.field, self.recipe, self.base = field, recipe, robot.base_dof
-        self._scene, self._speed = pack_scene(robot_name, "circle"), field.speed.packed()
+        self._robot, self._speed = pack_robot(robot_name), field.speed.packed()
         self._radius = float(robot.workspace_radius)
         self._reach = 2 * self._radius + 1.0  # m, longer than any line inside the disc
 
     def lines(self, q, points, directions, lengths) -> tuple[np.ndarray, np.ndarray]:
-        """(ends, times) of straight lines; shapes as in `_straight_lines`."""
+        """Ends of straight lines, stopped at the circle, and the times to get there.
+
+        Args:
+            q: joint positions, shape (N, n), rad or m.
+            points: where the lines begin, shape (N, 2), m.
+            directions: unit vectors, shape (N, K, 2).
+            lengths: J increasing numbers, m.
+
+        Returns:
+            (ends, times): shapes (N, K J, 2), m, and (N, K J), s.
+        """
         count = directions.shape[1] * len(lengths)
         out = np.empty((len(q), count, 2)), np.empty((len(q), count))
         disc = self.base, self._radius, self.recipe.line_step
-        run_rows(_straight_lines, len(q), self.field.threads, self._scene, self._speed, disc, q, points, directions,
+        run_rows(_straight_lines, len(q), self.field.threads, self._robot, self._speed, disc, q, points, directions,
                  np.asarray(lengths, dtype=float), out)  # fmt: skip
         return out
 
     def straight_out(self, q: np.ndarray, points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Time of the best straight line out, shape (N,), s."""
+        """Time of the best straight line out.
+
+        Args:
+            q: joint positions, shape (N, n), rad or m.
+            points: shape (N, 2), m.
+            rng: turns the directions that are tried.
+
+        Returns:
+            Shape (N,), s.
+        """
         directions = even_directions(rng, len(q), self.recipe.first_directions)
         return self.lines(q, points, directions, [self._reach])[1].min(axis=1)
 
     def look_ahead(self, q: np.ndarray, points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Target of the Bellman recipe, shape (N,), s."""
+        """Target of the Bellman recipe; see `Bellman`.
+
+        Args:
+            q: joint positions, shape (N, n), rad or m.
+            points: shape (N, 2), m.
+            rng: turns the directions that are tried.
+
+        Returns:
+            Shape (N,), s.
+        """
         directions = even_directions(rng, len(q), self.recipe.directions)
         ends, times = self.lines(q, points, directions, self.recipe.lengths)  # (N, K J, 2), (N, K J)
         value = times + self.field.query(ends, q)
@@ -129,7 +157,15 @@ class Paths:
         return np.minimum(times[rows, best] + onward, self.descend(q, points))
 
     def descend(self, q: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Time of following -grad T of the network to the circle, shape (N,), s; inf where it does not get out."""
+        """Time of following -grad T of the network to the circle.
+
+        Args:
+            q: joint positions, shape (N, n), rad or m.
+            points: shape (N, 2), m.
+
+        Returns:
+            Shape (N,), s; inf where it does not get out.
+        """
         points, total, rows = points.copy(), np.zeros(len(q)), np.arange(len(q))
         for _ in range(self.recipe.descent_steps):
             times, slopes = self.field.point_gradients(points[rows, None], q[rows])
@@ -145,7 +181,16 @@ class Paths:
 
 
 def even_directions(rng: np.random.Generator, rows: int, count: int) -> np.ndarray:
-    """Unit vectors, evenly spaced from a random one in each row, shape (rows, count, 2)."""
+    """Unit vectors, evenly spaced from a random one in each row.
+
+    Args:
+        rng: source of randomness.
+        rows: how many rows.
+        count: directions in each.
+
+    Returns:
+        Shape (rows, count, 2).
+    """
     angle = rng.uniform(0, 2 * np.pi, (rows, 1)) + 2 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 

@@ -103,6 +103,7 @@ class Bellman(Fitted):
     viscosity solution.
 
     Args:
+        configurations, points, iterations: as in `Fitted`, fewer by default.
         rounds: after round 0.
         directions: that a look ahead tries, evenly spaced from a random one.
         lengths: of its straight lines, m.

@@ -45,7 +45,16 @@ def skeleton(robot_name: str, q: torch.Tensor) -> torch.Tensor:
 
 
 def to_base(robot_name: str, p: torch.Tensor, q: torch.Tensor) -> torch.Tensor:
-    """Points (N, 2) in the frame of `skeleton`, for a robot whose base is fixed or slides along x and y."""
+    """Points in the frame of `skeleton`, for a robot whose base is fixed or slides along x and y.
+
+    Args:
+        robot_name: a row of the table of robots.
+        p: points in the world, shape (N, 2), m.
+        q: configurations, shape (N, n), rad or m.
+
+    Returns:
+        Shape (N, 2), m.
+    """
     joints, base = get_robot(robot_name).joints, get_robot(robot_name).base_dof
     for j in range(base):
         p = p - q[:, j : j + 1] * torch.tensor(joints[j].axis[:2], dtype=p.dtype, device=p.device)
@@ -103,13 +112,29 @@ class Activation(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, x):
-        """The value."""
+        """The value.
+
+        Args:
+            ctx: keeps x for `backward`.
+            x: of any shape.
+
+        Returns:
+            The shape of x.
+        """
         ctx.save_for_backward(x)
         return 0.5 * torch.addcmul(x, x, x * torch.rsqrt(1 + x * x))
 
     @staticmethod
     def backward(ctx, *gradients):
-        """Times the derivative (1 + 2 u - u^3) / 2, u = x / sqrt(1 + x^2), differentiable in turn."""
+        """Times the derivative (1 + 2 u - u^3) / 2, u = x / sqrt(1 + x^2), differentiable in turn.
+
+        Args:
+            ctx: of `forward`.
+            gradients: one, of the loss in the output.
+
+        Returns:
+            The gradient of the loss in x.
+        """
         (x,) = ctx.saved_tensors
         u = x * torch.rsqrt(1 + x * x)
         return gradients[0] * 0.5 * (1 + u * (2 - u * u))
@@ -191,7 +216,15 @@ class Geometry:
     speed: SpeedModel
 
     def describe(self, points: torch.Tensor, q: torch.Tensor) -> torch.Tensor:
-        """The network's inputs, shape (N, F), for points (N, 2) and configurations (N, n)."""
+        """The network's inputs.
+
+        Args:
+            points: shape (N, 2), m.
+            q: configurations, shape (N, n), rad or m.
+
+        Returns:
+            Shape (N, F).
+        """
         if self.inputs == "skeleton":
             return features(self.robot, points, q, self.speed.d0)
         joints, base = get_robot(self.robot).joints, get_robot(self.robot).base_dof
@@ -202,13 +235,30 @@ class Geometry:
         return torch.cat([points, q[:, base:]], dim=1)
 
     def time(self, module: nn.Module, points: torch.Tensor, q: torch.Tensor) -> torch.Tensor:
-        """T at points (N, 2) inside the disc, shape (N,), s."""
+        """T at points inside the disc.
+
+        Args:
+            module: the network z.
+            points: shape (N, 2), m.
+            q: configurations, shape (N, n), rad or m.
+
+        Returns:
+            Softplus(z) for raw inputs, else T_0 exp(softplus(z - 3)), shape (N,), s.
+        """
         z = module(self.describe(points, q))
         if self.inputs == "raw":
             return nn.functional.softplus(z)
         return self.bound(points, q) * torch.exp(nn.functional.softplus(z - SHIFT))
 
     def bound(self, points: torch.Tensor, q: torch.Tensor) -> torch.Tensor:
-        """The least time T_0 = (R - |p|) / u_bar, shape (N,), s."""
+        """The least time T_0 = (R - |p|) / u_bar.
+
+        Args:
+            points: p, shape (N, 2), m.
+            q: configurations, shape (N, n), rad or m.
+
+        Returns:
+            Shape (N,), s.
+        """
         p = to_base(self.robot, points, q)
         return (get_robot(self.robot).workspace_radius - torch.sqrt((p * p).sum(1) + TINY)) / self.speed.u_bar

@@ -30,7 +30,13 @@ class Interior(NamedTuple):
 
 
 class ResidualLoss:
-    """lambda_pde (|grad_p T| - 1/u)^2 + lambda_bc T^2 on the circle; arguments as in `FittedLoss`."""
+    """lambda_pde (|grad_p T| - 1/u)^2 + lambda_bc T^2 on the circle (paper, section 4.3).
+
+    Args:
+        recipe: points, and the two factors.
+        robot_name, speed, seed, device: as in `FittedLoss`.
+        threads: not needed.
+    """
 
     def __init__(
         self, recipe: Residual, robot_name: str, speed: SpeedModel, seed: int, device: str, threads: int | None = None
@@ -44,7 +50,14 @@ class ResidualLoss:
         return [self.recipe.iterations]
 
     def begin_round(self, number: int, weights: FieldWeights) -> tuple[torch.Tensor, torch.Tensor] | None:
-        """Mean and scale of geometric inputs; raw ones go in as they are, as in the paper."""
+        """Mean and scale of geometric inputs; raw ones go in as they are, as in the paper.
+
+        Args:
+            number, weights: not needed.
+
+        Returns:
+            Mean and scale, shapes (F,), or None for raw inputs.
+        """
         if self.recipe.inputs == "raw":
             return None
         rng = np.random.default_rng(self.seed)

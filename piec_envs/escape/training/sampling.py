@@ -8,8 +8,8 @@ import numpy as np
 
 from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.samples import draw_configurations, robot_distance, robot_vertices
+from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
-from piec_envs.world.scene import pack_scene
 
 AROUND = 0.45  # m, half of the points lie this close to the centroid of the robot
 CLOSE = 0.12  # m, and a quarter this close to its surface
@@ -24,7 +24,7 @@ def _in_disc(rng: np.random.Generator, centre: np.ndarray, radius: float, k: int
 
 def _near_shapes(rng: np.random.Generator, robot_name: str, q: np.ndarray, reach: float, k: int) -> np.ndarray:
     """Points at up to `reach` from random points of the robot's shapes, shape (B, k, 2)."""
-    shapes, vertices = pack_scene(robot_name, "circle").robot, robot_vertices(robot_name, q)  # (B, V, 2)
+    shapes, vertices = pack_robot(robot_name).shapes, robot_vertices(robot_name, q)  # (B, V, 2)
     rows, shape = np.arange(len(q))[:, None], rng.integers(len(shapes.radius), size=(len(q), k))
     first, count = shapes.first[shape], np.diff(shapes.first)[shape]
     a, b = (vertices[rows, first + (rng.uniform(size=shape.shape) * count).astype(int)] for _ in range(2))
@@ -97,7 +97,18 @@ def clear_points(
 
 
 def around_points(robot_name: str, q: np.ndarray, k: int, rng: np.random.Generator, low: float) -> np.ndarray:
-    """Points inside the workspace around the centroid of the robot; arguments as in `clear_points`."""
+    """Points inside the workspace around the centroid of the robot.
+
+    Args:
+        robot_name, q, k, rng: as in `clear_points`.
+        low: least distance to the robot, m.
+
+    Returns:
+        Shape (B, k, 2), m.
+
+    Raises:
+        InvalidParameterError: if hardly any point is good.
+    """
     radius, centre = get_robot(robot_name).workspace_radius, robot_vertices(robot_name, q).mean(axis=1)
 
     def good(rows, points):

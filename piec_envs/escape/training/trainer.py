@@ -32,7 +32,16 @@ LOSSES: dict[type, Any] = {Fitted: FittedLoss, Extended: ExtendedLoss, Residual:
 
 
 def learning_rate(recipe: Recipe, iteration: int, length: int) -> float:
-    """Learning rate of an iteration within a round of that length."""
+    """Learning rate of an iteration within a round.
+
+    Args:
+        recipe: gives the schedule and the rate at the start.
+        iteration: within the round, from 0.
+        length: of the round, in iterations.
+
+    Returns:
+        The rate.
+    """
     if recipe.schedule == "halving":
         return recipe.learning_rate * 0.5 ** (iteration // recipe.halve_every)
     wave = 0.5 * (1 + np.cos(np.pi * iteration / length))

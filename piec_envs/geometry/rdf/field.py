@@ -34,6 +34,9 @@ def pack_rdf(shapes: Mapping[str, FittedShape], bodies: Sequence[str] = MOVING) 
         shapes: by name, all of one degree.
         bodies: rows of `BODIES`.
 
+    Returns:
+        The polynomials, those of bodies with one mesh once, and which of them each body has.
+
     Raises:
         UnknownNameError: if the Panda has no such body.
         InvalidParameterError: if there is none.
@@ -138,6 +141,9 @@ def panda_shapes(degree: int = DEGREE, threads: int | None = None) -> Mapping[st
         degree: of the polynomials.
         threads: of the fit; None takes all cores.
 
+    Returns:
+        The shape of each mesh by its name, to be treated as read-only.
+
     Raises:
         InvalidParameterError: if the degree is not one of `DEGREES`.
         MissingDependencyError: if they must be fitted and the package that brings the meshes is not installed.
@@ -168,6 +174,9 @@ def panda_distance_field(
         degree: of the polynomials.
         bodies: which bodies of the arm count.
         threads: threads over the rows of a batch; None takes all cores.
+
+    Returns:
+        The field, signed distances of points in space to the arm.
 
     Raises:
         InvalidParameterError: if the degree is out of range.

@@ -57,6 +57,9 @@ def load_shapes(path: str | os.PathLike, degree: int | None = None) -> dict[str,
         path: of the npz file.
         degree: that they must have; None takes any.
 
+    Returns:
+        The fitted shapes by the names of their meshes.
+
     Raises:
         DistanceFieldError: if the file is missing, broken or foreign, was fitted to other meshes or in
             another way, or has another degree.

@@ -34,7 +34,16 @@ RECIPE = {
 
 
 def exact_distance(hull: Hull, points: np.ndarray, threads: int | None = None) -> np.ndarray:
-    """Signed distance of points to a convex body, shapes (..., 3) and (...,), m."""
+    """Signed distance of points to a convex body, negative inside.
+
+    Args:
+        hull: its surface.
+        points: shape (..., 3), m.
+        threads: over the points; None takes all cores.
+
+    Returns:
+        Shape (...,), m.
+    """
     rows = np.ascontiguousarray(points, dtype=float).reshape(-1, 3)
     out = np.empty(len(rows))
     run_rows(hull_distances, len(rows), threads, hull, rows, out)
@@ -48,6 +57,10 @@ def fit_shape(vertices: np.ndarray, degree: int, threads: int | None = None) -> 
         vertices: of which it is the hull, shape (V, 3), m.
         degree: n.
         threads: None takes all cores.
+
+    Returns:
+        The polynomial, by W = P_x P_y P_z D of this module's docstring, and its errors on points
+        drawn at random.
 
     Raises:
         InvalidShapeError: if they do not span a volume.
@@ -65,7 +78,16 @@ def fit_shape(vertices: np.ndarray, degree: int, threads: int | None = None) -> 
 
 
 def spread_points(box: Box, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Points in the box, the second half of them in the body's bounding box, shape (count, 3), m."""
+    """Random points in a box, the second half of them in the body's bounding box.
+
+    Args:
+        box: the domain of a polynomial.
+        count: how many points.
+        rng: source of randomness.
+
+    Returns:
+        Shape (count, 3), m.
+    """
     half = np.repeat([box.half, box.core], [count - count // 2, count // 2], axis=0)
     return box.centre + rng.uniform(-1, 1, (count, 3)) * half
 

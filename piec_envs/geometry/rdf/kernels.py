@@ -2,10 +2,9 @@
 
 A body's polynomial lives on its box: u = 1/2 + asinh((x - c) / w) / (2 e) per axis runs from 0 to 1
 and is steep at the body, so that a low degree resolves its edges. Beyond the box the distance to the
-box is added to the value at its nearest point.
-
-A distance is taken to be at least that to the body's bounding box minus `slack`, which is twice the largest
-error of the fit on many points. Bodies are asked in the order of that bound, until it exceeds the least distance.
+box is added to the value at its nearest point. A distance is taken to be at least
+that to the body's bounding box minus `slack`, which is twice the largest error of the fit on many
+points. Bodies are asked in the order of that bound, until it exceeds the least distance.
 """
 
 from __future__ import annotations
@@ -77,11 +76,7 @@ def _box_distance(centre, half, p):
 
 @kernel
 def _fill_basis(rdf, s, axis, x, scratch, slopes):
-    """Bernstein polynomials at the clamped coordinate x of a body, and d/du if asked.
-
-    Returns:
-        (excess, du_dx): how far x lies beyond the box, m, signed; 1/m.
-    """
+    """Basis at the clamped x, and d/du if asked; returns (x beyond the box, m; du_dx, 1/m)."""
     top = rdf.weights.shape[1] - 1
     shifted, half, width = x - rdf.centre[s, axis], rdf.half[s, axis], rdf.width[s, axis]
     inner = min(max(shifted, -half), half)
@@ -161,7 +156,15 @@ def _along_z(row, factors):
 
 @kernel
 def shape_distance(rdf, s, p, scratch):
-    """Distance from a point in the frame of a body of shape s, m."""
+    """Distance from a point to a body of shape s (Li et al. 2024).
+
+    Args:
+        rdf, scratch: a `PackedRdf` and an `RdfScratch`.
+        s, p: row of the shape, and three numbers, the point in the frame of the body, m.
+
+    Returns:
+        The polynomial at the nearest point of the box plus the way there, m.
+    """
     e_x, _ = _fill_basis(rdf, s, 0, p[0], scratch, False)
     e_y, _ = _fill_basis(rdf, s, 1, p[1], scratch, False)
     e_z, _ = _fill_basis(rdf, s, 2, p[2], scratch, False)
@@ -173,7 +176,14 @@ def shape_distance(rdf, s, p, scratch):
 
 @kernel
 def shape_slope(rdf, s, p, scratch):
-    """Distance from a point in the frame of a body of shape s, m, and its gradient: (d, g_x, g_y, g_z)."""
+    """Distance from a point to a body of shape s, and its gradient in the point.
+
+    Args:
+        rdf, s, p, scratch: as in `shape_distance`.
+
+    Returns:
+        (d, g_x, g_y, g_z): the distance, m, and the gradient in the frame of the body.
+    """
     e_x, u_x = _fill_basis(rdf, s, 0, p[0], scratch, True)
     e_y, u_y = _fill_basis(rdf, s, 1, p[1], scratch, True)
     e_z, u_z = _fill_basis(rdf, s, 2, p[2], scratch, True)
@@ -203,10 +213,9 @@ def arm_distance(rdf, frames, p, scratch):
     """Distance from a point in space to the arm.
 
     Args:
-        rdf: a `PackedRdf`.
+        rdf, scratch: a `PackedRdf` and an `RdfScratch`.
         frames: poses of the bodies, shape (11, 4, 4), m.
         p: three numbers, m.
-        scratch: an `RdfScratch`.
 
     Returns:
         The distance, m.
@@ -248,7 +257,15 @@ def arm_slope(rdf, frames, p, scratch):
 
 @kernel
 def joint_slope(frames, j, p, n):
-    """dd/dq of joint j + 1, m/rad: the body turns about its axis, under a point at p with gradient n."""
+    """dd/dq of joint j + 1, which turns the body about its axis under a point that stands still.
+
+    Args:
+        frames, j: poses of the bodies, shape (11, 4, 4), m, and the joint's index, from 0.
+        p, n: three numbers each, the point, m, and the gradient of the distance in it.
+
+    Returns:
+        -n . (a x (p - o)), where the joint's axis has direction a and goes through o, m/rad.
+    """
     b = j + 1
     x, y, z = p[0] - frames[b, 0, 3], p[1] - frames[b, 1, 3], p[2] - frames[b, 2, 3]
     a_x, a_y, a_z = frames[b, 0, 2], frames[b, 1, 2], frames[b, 2, 2]
@@ -261,8 +278,7 @@ def answer_rdf(lo, hi, rdf, level, frames, points, out):
 
     Args:
         lo, hi: row range.
-        rdf: a `PackedRdf`.
-        level: 0 for distances alone, 1 for gradients too.
+        rdf, level: a `PackedRdf`, and 0 for distances alone or 1 for gradients too.
         frames: poses of the bodies, shape (B, 11, 4, 4), m.
         points: shape (B, k, 3), m.
         out: d (B, k), dd_dp (B, k, 3) and dd_dq (B, k, 7), the latter two empty at level 0.

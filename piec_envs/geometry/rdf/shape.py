@@ -65,19 +65,43 @@ def binomials(degree: int) -> np.ndarray:
 
 
 def bernstein(degree: int, u: np.ndarray) -> np.ndarray:
-    """Bernstein polynomials, shapes (..., degree + 1) and (...,)."""
+    """Bernstein polynomials b_i = C(n, i) u^i (1 - u)^(n - i).
+
+    Args:
+        degree: n.
+        u: where, in [0, 1], any shape (...,).
+
+    Returns:
+        Shape (..., degree + 1).
+    """
     i, u = np.arange(degree + 1), np.asarray(u, dtype=float)[..., None]
     return binomials(degree)[0] * u**i * (1 - u) ** (degree - i)
 
 
 def bernstein_slope(degree: int, u: np.ndarray) -> np.ndarray:
-    """Their derivatives, n (b_(i-1) - b_i) of degree n - 1, shapes (..., degree + 1) and (...,)."""
+    """Derivatives of the Bernstein polynomials, n (b_(i-1) - b_i) of degree n - 1.
+
+    Args:
+        degree: n.
+        u: where, in [0, 1], any shape (...,).
+
+    Returns:
+        Shape (..., degree + 1).
+    """
     lower = np.pad(bernstein(degree - 1, u), [(0, 0)] * np.ndim(u) + [(1, 1)])
     return -degree * np.diff(lower, axis=-1)
 
 
 def contract(weights: np.ndarray, factors: Sequence[np.ndarray]) -> np.ndarray:
-    """Sum of weights[i, j, k] x[b, i] y[b, j] z[b, k], with factors x, y, z of shape (B, n + 1)."""
+    """Sum of weights[i, j, k] x[b, i] y[b, j] z[b, k] over i, j and k.
+
+    Args:
+        weights: shape (n + 1, n + 1, n + 1).
+        factors: x, y and z, each of shape (B, n + 1).
+
+    Returns:
+        Shape (B,), in the unit of the weights.
+    """
     x, y, z = factors
     panel = (x @ weights.reshape(len(weights), -1)).reshape(-1, *weights.shape[1:])  # (B, n + 1, n + 1)
     return (np.einsum("bj,bjk->bk", y, panel) * z).sum(axis=1)

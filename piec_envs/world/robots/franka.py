@@ -53,10 +53,10 @@ LINKS: Mapping[str, tuple[tuple[str, ...], int]] = {
     "fingers": (("left finger", "right finger"), 3),
 }
 
-BASES = {"fixed": "franka", "mobile": "mobile_franka"}
-GEOMETRIES = {"meshes": "", "capsules": "_capsules"}
+FRANKA_BASES = {"fixed": "franka", "mobile": "mobile_franka"}
+FRANKA_GEOMETRIES = {"meshes": "", "capsules": "_capsules"}
 # What can touch the object: these links, all, or a sphere at the fingertips in place of any.
-CONTACTS: Mapping[str, tuple[str, ...]] = {"whole_arm": (), "link": ("link 7", "hand", "fingers"), "point": ()}
+FRANKA_CONTACTS: Mapping[str, tuple[str, ...]] = {"whole_arm": (), "link": ("link 7", "hand", "fingers"), "point": ()}
 SLIDE = Joint(
     name="x",
     origin=(0.0, 0.0, 0.0),
@@ -130,6 +130,9 @@ def franka(base: str = "fixed", contact: str = "whole_arm", geometry: str = "mes
         contact: "whole_arm", "link" (the last link and the gripper) or "point" (a sphere at the fingertips).
         geometry: "meshes", the cross-sections of its collision meshes, or "capsules".
 
+    Returns:
+        The robot, with three joints that turn, or two that slide and then those.
+
     Raises:
         UnknownNameError: for another word.
         MissingDependencyError: if the package that brings the meshes is not installed.
@@ -139,8 +142,8 @@ def franka(base: str = "fixed", contact: str = "whole_arm", geometry: str = "mes
     slides = (SLIDE, replace(SLIDE, name="y", axis=(0.0, 1.0, 0.0))) if base == "mobile" else ()
     links, scenery = _meshes() if geometry == "meshes" else _capsules()
     if contact != "whole_arm":
-        scenery += tuple(link for link in links if link.name not in CONTACTS[contact])
-        links = tuple(link for link in links if link.name in CONTACTS[contact]) or (_fingertips(),)
+        scenery += tuple(link for link in links if link.name not in FRANKA_CONTACTS[contact])
+        links = tuple(link for link in links if link.name in FRANKA_CONTACTS[contact]) or (_fingertips(),)
     links, scenery = (
         tuple(replace(link, frame=link.frame + len(slides)) for link in part) for part in (links, scenery)
     )
@@ -157,22 +160,29 @@ def franka(base: str = "fixed", contact: str = "whole_arm", geometry: str = "mes
 
 
 def franka_name(base: str, contact: str, geometry: str) -> str:
-    """Name of a Panda in the table of robots; the words are those of `franka`.
+    """Name of a Panda in the table of robots.
+
+    Args:
+        base, contact, geometry: words as in `franka`.
+
+    Returns:
+        The name, such as "mobile_franka_link_capsules".
 
     Raises:
         UnknownNameError: for another word.
     """
     for kind, word, known in (
-        ("base", base, BASES),
-        ("contact", contact, CONTACTS),
-        ("geometry", geometry, GEOMETRIES),
+        ("base", base, FRANKA_BASES),
+        ("contact", contact, FRANKA_CONTACTS),
+        ("geometry", geometry, FRANKA_GEOMETRIES),
     ):
         check_name(kind, word, known)
-    return BASES[base] + ("" if contact == "whole_arm" else f"_{contact}") + GEOMETRIES[geometry]
+    return FRANKA_BASES[base] + ("" if contact == "whole_arm" else f"_{contact}") + FRANKA_GEOMETRIES[geometry]
 
 
 FRANKAS: dict[str, Callable[[], Robot]] = {
-    franka_name(*words): partial(franka, *words) for words in itertools.product(BASES, CONTACTS, GEOMETRIES)
+    franka_name(*words): partial(franka, *words)
+    for words in itertools.product(FRANKA_BASES, FRANKA_CONTACTS, FRANKA_GEOMETRIES)
 }
 
 
