@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from planners.exhaustive import ExhaustiveConfiguration
     from planners.interrupted import PlanningInterrupted
     from planners.sqp import SqpConfiguration
+    from planners.table import PLANNERS
 
 _WHERE = {
     "CagingProblem": "piec_envs",
+    "PLANNERS": "planners.table",
     "CmaEsConfiguration": "planners.configuration",
     "CmaEsPlanner": "planners.cma_es",
     "Configuration": "planners.configuration",
@@ -31,6 +33,7 @@ _WHERE = {
     "SqpConfiguration": "planners.sqp",
 }
 __all__ = [
+    "PLANNERS",
     "CagingProblem",
     "CmaEsConfiguration",
     "CmaEsPlanner",

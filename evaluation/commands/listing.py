@@ -34,6 +34,7 @@ def _tables() -> dict[str, dict[str, str]]:
     from piec_envs import DYNAMICS, ENVS, FIELDS, OBJECTS, PRESETS, PRIORS, RECIPES, ROBOTS, SOLVERS
     from planners.objectives import OBJECTIVES
     from planners.sb3.algorithms import ALGORITHMS
+    from planners.table import PLANNERS
 
     return {
         "environments": {name: entry.summary for name, entry in ENVS.items()},
@@ -45,6 +46,7 @@ def _tables() -> dict[str, dict[str, str]]:
         "recipes of train-field": {name: row.description for name, row in RECIPES.items()},
         "priors": dict.fromkeys(PRIORS, ""),
         "presets": dict.fromkeys(PRESETS, ""),
+        "planners": {name: row.summary for name, row in PLANNERS.items()},
         "objectives": {name: row.label for name, row in OBJECTIVES.items()},
         "algorithms of train": {name: row.description for name, row in ALGORITHMS.items()},
         "protocols": {name: row.description for name, row in PROTOCOLS.items()},

@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import json
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from piec_envs import InvalidParameterError, PiecError
 
 RECORDS = "records.jsonl"
 TABLES = ("table.md", "table.csv")
+PLANNER = "cma-es"  # where none is asked for
 PLAN = "runs/plans/{objective}-seed{seed}.npz"
 TRAIN = "runs/train/{env}-{algo}-seed{seed}"
 HEADS = {".gif": (0, b"GIF8"), ".png": (0, b"\x89PNG"), ".mp4": (4, b"ftyp")}  # how such files begin
@@ -36,7 +37,22 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 def plan_out(args: argparse.Namespace) -> Path:
     """The file that `piec plan` writes."""
-    return args.out or Path(PLAN.format(objective=args.objective, seed=args.seed))
+    name = planner_asked(args.planner)[0]
+    objective = args.objective or ("caging" if name == PLANNER else name)
+    return args.out or Path(PLAN.format(objective=objective, seed=args.seed))
+
+
+def planner_asked(words: Sequence[str] | None) -> tuple[str, list[str]]:
+    """What `piec plan --planner` asks for.
+
+    Args:
+        words: a planner's name, which may be left out, and its settings as `name=value`.
+
+    Returns:
+        The name, and the settings.
+    """
+    given = list(words or [])
+    return (given[0], given[1:]) if given and "=" not in given[0] else (PLANNER, given)
 
 
 def bench_out(args: argparse.Namespace) -> Path:

@@ -6,18 +6,21 @@ import argparse
 from pathlib import Path
 
 from evaluation.commands import Interrupted, Report, fit_settings, settings
-from evaluation.commands.outputs import plan_out
+from evaluation.commands.outputs import plan_out, planner_asked
 from evaluation.studies import PUSH
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("--env", default=PUSH, help="id of the environment (default: %(default)s)")
-    parser.add_argument("--objective", default="caging", help="contact, proximity, caging or adversarial")
-    parser.add_argument("--preset", default="default", help="weights: default, paper (to the letter) or paper-miss")
+    parser.add_argument("--objective", help="contact, proximity, caging (the default) or adversarial")
+    parser.add_argument("--preset", help="weights: default, paper (to the letter) or paper-miss")
     parser.add_argument("--seed", type=int, default=0, help="of all randomness (default: %(default)s)")
     parser.add_argument(
-        "--planner", nargs="+", metavar="NAME=VALUE", help="settings of the planner, such as iterations=20 restarts=1"
+        "--planner",
+        nargs="+",
+        metavar="NAME",
+        help="cma-es (the default) or carry, and NAME=VALUE for its settings, such as iterations=20 restarts=1",
     )
     parser.add_argument(
         "--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the nominal model, such as object=square"
@@ -28,13 +31,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Report:
     """Plan and save."""
     from evaluation.plants import plant_in_force, plant_line
-    from planners import CmaEsPlanner, PlanningInterrupted
+    from planners import PlanningInterrupted
+    from planners.table import planner_class
 
-    own = {"objective": args.objective, "preset": args.preset, **settings(args.planner)}
-    own = fit_settings("planner", own, CmaEsPlanner())
+    name, given = planner_asked(args.planner)
+    kind = planner_class(name)
+    asked = {"objective": args.objective, "preset": args.preset}
+    own = {**{key: value for key, value in asked.items() if value is not None}, **settings(given)}
+    own = fit_settings("planner", own, kind())
     out = plan_out(args)
     try:
-        plan = CmaEsPlanner(**own).plan(args.env, seed=args.seed, **settings(args.set))
+        plan = kind(**own).plan(args.env, seed=args.seed, **settings(args.set))
     except PlanningInterrupted as stopped:
         kept = stopped.plan.save(out.with_name(f"{out.stem}-interrupted.npz") if out.exists() else out)
         raise Interrupted(
