@@ -14,6 +14,7 @@ from . import wrappers as wrappers
 from .env.registry import ENVS as ENVS
 from .env.registry import MOTIONS as MOTIONS
 from .env.registry import check_motion as check_motion
+from .env.registry import register_task as register_task
 from .world.robots import ROBOTS as ROBOTS
 from .world.robots import Joint as Joint
 from .world.robots import Link as Link
@@ -50,6 +51,8 @@ from .model.task import CostWeights as CostWeights
 # Episodes as values: what is set, the state, and what follows from it
 from .model.model import Model as Model
 from .model.setup import Setup as Setup
+from .model.terms import TERMS as TERMS
+from .model.terms import Term as Term
 from .env.config import EnvConfig as EnvConfig
 from .env.makers import make_config as make_config
 from .env.makers import make_model as make_model
@@ -72,6 +75,7 @@ from .dynamics.protocol import Dynamics as Dynamics
 from .dynamics.protocol import Motion as Motion
 from .dynamics.protocol import Plant as Plant
 from .dynamics.by_row import DYNAMICS as DYNAMICS
+from .dynamics.by_row import Backend as Backend
 from .dynamics.quasi_dynamic import SOLVERS as SOLVERS
 from .dynamics.quasi_dynamic import QuasiDynamics as QuasiDynamics
 from .dynamics.mujoco_ import ENGINE_STEPS as ENGINE_STEPS

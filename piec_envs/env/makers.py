@@ -137,6 +137,11 @@ def _maker(kind: Any, entry: Entry) -> Any:
     return made
 
 
-for _entry in ENVS.values():
-    globals()[_entry.name] = _maker(Env, _entry)
-    globals()[f"{_entry.name}Vector"] = _maker(VectorEnv, _entry)
+def __getattr__(name: str) -> Any:
+    """What an entry point names: the single environment of an id, or its VectorEnv."""
+    for entry in ENVS.values():
+        if name == entry.name:
+            return _maker(Env, entry)
+        if name == f"{entry.name}Vector":
+            return _maker(VectorEnv, entry)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -130,9 +130,10 @@ def check_motion(env_id: Any) -> None:
             f"an environment is named by its id, such as {MOTIONS[0]!r}, but an environment object was given: "
             f"{type(env_id.unwrapped).__name__}{own}"
         )
-    if isinstance(env_id, str) and env_id in ENVS and env_id not in MOTIONS:
+    motions = [name for name, entry in ENVS.items() if entry.motion]
+    if isinstance(env_id, str) and env_id in ENVS and env_id not in motions:
         raise NoMotionError(env_id)
-    check_name("environment", env_id, MOTIONS)
+    check_name("environment", env_id, motions)
 
 
 def register_envs() -> None:
@@ -144,3 +145,22 @@ def register_envs() -> None:
     for env_id, entry in ENVS.items():
         if env_id not in gym.registry:
             gym.register(env_id, f"{MAKERS}:{entry.name}", vector_entry_point=f"{MAKERS}:{entry.name}Vector")
+
+
+def register_task(task: Task) -> None:
+    """Add a task to its table, and the environment that it names to Gymnasium's; for tasks of one's own.
+
+    Args:
+        task: its `env_id` is free, or that of a task with another `side`.
+
+    Raises:
+        InvalidParameterError: if its name or its id is taken, or the id has no namespace and version.
+    """
+    namespace, _, name = task.env_id.partition("/")
+    if not namespace or "-v" not in name:
+        raise InvalidParameterError(f"env_id is namespace/Name-v0, got {task.env_id!r}")
+    if task.name in TASKS or (task.env_id in gym.registry and not task.side):
+        raise InvalidParameterError(f"the task {task.name!r} or the environment {task.env_id!r} is there already")
+    TASKS[task.name] = task
+    ENVS.update({env_id: entry for env_id, entry in _entries().items() if env_id == task.env_id})
+    register_envs()
