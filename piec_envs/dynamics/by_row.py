@@ -117,8 +117,8 @@ class DynamicsByRow:
         self._options, self._made = options or DynamicsOptions(), dict[str, Dynamics]()
 
     def _get(self, name: str) -> Dynamics:
-        check_name("dynamics", name, DYNAMICS)
         if name not in self._made:
+            check_name("dynamics", name, DYNAMICS)
             self._made[name] = DYNAMICS[name].made(self._options)
         return self._made[name]
 
