@@ -23,7 +23,7 @@ TEXTS = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for
 _PENDING = {
     "piec_envs/dynamics": "active_set contact_step contacts plant rigid",
     "piec_envs/env": "cage episodes info single vector",
-    "piec_envs/geometry": "body distance kinematics",
+    "piec_envs/geometry": "body kinematics polygon",
     "piec_envs/model": "kernels model rollout start_postures state terms",
     "piec_envs/rendering": "drawing",  # would get too long, as the two below
     "evaluation/studies": "contact_methods franka_caging",

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.dynamics.rigid import FAILED, give_way, is_answer
-from piec_envs.kernels import batch_kernel, inlined_kernel, kernel
+from piec_envs.kernels import batch_kernel, inlined_kernel
 
 VIOLATION_TOLERANCE = 1e-13  # m
-LANES = 16  # loops over rows run to a multiple of this, since a compiler's vector loop leaves out the remainder
 DEPENDENT = 1e-6  # a row whose part off the rows before it has at most this share of its square depends on them
 
 
@@ -22,11 +21,12 @@ class DualScratch(NamedTuple):
     """Scratch of the dual problem; the passive set is what may have a positive multiplier."""
 
     scale: np.ndarray  # (d,) diagonal of Q^-1/2
-    columns: np.ndarray  # (d, m) (A Q^-1/2)^T; contiguous over the rows of A, so that loops over them are
-    value: np.ndarray  # (m,) constraint values after that step
+    scaled: np.ndarray  # (m, d) A Q^-1/2
+    step: np.ndarray  # (d,) Q^-1/2 A^T lambda
+    value: np.ndarray  # (m,) constraint values after that step; filled without compliance alone
     multipliers: np.ndarray  # (m,) lambda
     passive: np.ndarray  # (m,) int64
-    G: np.ndarray  # (m, m) A Q^-1 A^T + c I on pairs of passive rows
+    G: np.ndarray  # (m, m) A Q^-1 A^T + c I on a passive row and those that were so before it
     L: np.ndarray  # (m, m) Cholesky factor of G on the passive rows, in their order
     inverse: np.ndarray  # (m,) 1 / diagonal of L
     forward: np.ndarray  # (m,) solution of L forward = -r
@@ -36,11 +36,15 @@ class DualScratch(NamedTuple):
 @batch_kernel
 def make_dual(weight, m):
     """Scratch for problems of up to m rows with the diagonal `weight` of Q."""
-    d, padded = weight.shape[0], (m + LANES - 1) // LANES * LANES
+    d = weight.shape[0]
+    scale = np.empty(d)
+    for j in range(d):
+        scale[j] = 1.0 / np.sqrt(weight[j])
     return DualScratch(
-        1.0 / np.sqrt(weight),
-        np.zeros((d, padded)),
-        np.zeros(padded),
+        scale,
+        np.empty((m, d)),
+        np.empty(d),
+        np.empty(m),
         np.empty(m),
         np.empty(m, dtype=np.int64),
         np.empty((m, m)),
@@ -53,32 +57,50 @@ def make_dual(weight, m):
 
 @inlined_kernel
 def _scale_rows(rows, m, compliance, dual):
-    """Columns of A Q^-1/2; returns c, the compliance times the largest entry of A Q^-1 A^T."""
+    """A Q^-1/2; returns c, the compliance times the largest entry of A Q^-1 A^T."""
     largest = 0.0
     for i in range(m):
         square = 0.0
         for j in range(dual.scale.shape[0]):
             entry = rows[i, j] * dual.scale[j]
-            dual.columns[j, i] = entry
+            dual.scaled[i, j] = entry
             square += entry * entry
         largest = max(largest, square)
     return compliance * largest
 
 
 @inlined_kernel
-def _values(r, m, p, dual):
-    """Values r + A Q^-1 A^T lambda of all constraints, from the p passive multipliers."""
-    for i in range(m):
-        dual.value[i] = r[i]
-    if p == 0:
-        return
-    padded = (m + LANES - 1) // LANES * LANES
+def _sum_step(p, dual):
+    """The scaled step that the p passive multipliers bring."""
     for j in range(dual.scale.shape[0]):
         step = 0.0
         for k in range(p):
-            step += dual.columns[j, dual.passive[k]] * dual.multipliers[dual.passive[k]]
-        for i in range(padded):
-            dual.value[i] += step * dual.columns[j, i]
+            step += dual.scaled[dual.passive[k], j] * dual.multipliers[dual.passive[k]]
+        dual.step[j] = step
+
+
+@inlined_kernel
+def _value(i, r, p, dual):
+    """Entry i of r + A Q^-1 A^T lambda, the constraint values after the step."""
+    value = r[i]
+    if p > 0:
+        for j in range(dual.scale.shape[0]):
+            value += dual.step[j] * dual.scaled[i, j]
+    return value
+
+
+@inlined_kernel
+def _most_violated(r, m, p, blocked, dual):
+    """The row with the least value of those that do not press, -1 where none is violated."""
+    found, worst = -1, -VIOLATION_TOLERANCE
+    if p < m:
+        _sum_step(p, dual)
+        for i in range(m):
+            if dual.multipliers[i] <= 0.0 and i != blocked:
+                value = _value(i, r, p, dual)
+                if value < worst:
+                    found, worst = i, value
+    return found
 
 
 @inlined_kernel
@@ -88,8 +110,8 @@ def _enter(i, p, c, dual):
     for k in range(p + 1):
         other, total = dual.passive[k], 0.0
         for j in range(dual.scale.shape[0]):
-            total += dual.columns[j, i] * dual.columns[j, other]
-        dual.G[i, other] = dual.G[other, i] = total
+            total += dual.scaled[i, j] * dual.scaled[other, j]
+        dual.G[i, other] = total
     dual.G[i, i] += c
 
 
@@ -183,18 +205,8 @@ def _minimise(r, begin, p, whole, dual):
 
 
 @inlined_kernel
-def _most_violated(m, blocked, dual):
-    """The row with the least value of those that do not press, -1 where none is violated."""
-    found, worst = -1, -VIOLATION_TOLERANCE
-    for i in range(m):
-        if dual.value[i] < worst and dual.multipliers[i] <= 0.0 and i != blocked:
-            found, worst = i, dual.value[i]
-    return found
-
-
-@inlined_kernel
-def _start(r, m, c, dual):
-    """Multipliers of the violated rows alone, less those that would pull; returns the passive set's size.
+def _guess(r, m, c, dual):
+    """Let the violated rows press; returns the passive set's size.
 
     A row that is added or dropped later costs an iteration. Rows that depend on those before stay out.
     """
@@ -205,26 +217,16 @@ def _start(r, m, c, dual):
             _factor(r, p, p + 1, dual)
             if dual.inverse[p] ** 2 * dual.G[i, i] * DEPENDENT < 1.0:
                 p += 1
-    return _minimise(r, p, p, True, dual)
+    return p
 
 
-@kernel
-def _solve_rigid(r, m, dual):
-    """The same as `solve_dual` without compliance, where rows may depend on each other and answers are checked."""
-    p, blocked = 0, -1
-    for _ in range(3 * m + 10):
-        _values(r, m, p, dual)
-        enter = _most_violated(m, blocked, dual)
-        if enter < 0:
-            return p if is_answer(m, p, dual) else FAILED
-        _enter(enter, p, 0.0, dual)
-        _factor(r, p, p + 1, dual)
-        begin, p = give_way(p + 1, dual)
-        if begin < 0:
-            return FAILED
-        p = _minimise(r, begin, p, False, dual)
-        blocked = -1 if dual.multipliers[enter] > 0.0 else enter
-    return FAILED
+@inlined_kernel
+def _is_solved(r, m, p, dual):
+    """`is_answer` of the p passive multipliers."""
+    _sum_step(p, dual)
+    for i in range(m):
+        dual.value[i] = _value(i, r, p, dual)
+    return is_answer(m, p, dual)
 
 
 @inlined_kernel
@@ -249,17 +251,20 @@ def solve_dual(rows, m, compliance, r, guess, dual):
     c = _scale_rows(rows, m, compliance, dual)
     for i in range(m):
         dual.multipliers[i] = 0.0
-    if c == 0.0:  # its multipliers are not unique: row by row there are fewest
-        return _solve_rigid(r, m, dual)
-    p, blocked = 0, -1
-    if guess:
-        p = _start(r, m, c, dual)
+    rigid = c == 0.0  # multipliers are not unique: row by row there are fewest
+    p = _guess(r, m, c, dual) if guess and not rigid else 0
+    begin, whole, enter = p, True, -1
     for _ in range(3 * m + 10):
-        _values(r, m, p, dual)
-        enter = _most_violated(m, blocked, dual)
+        p = _minimise(r, begin, p, whole, dual)
+        sent_out = enter >= 0 and not dual.multipliers[enter] > 0.0  # again, by rounding
+        enter = _most_violated(r, m, p, enter if sent_out else -1, dual)
         if enter < 0:
-            return p
+            return FAILED if rigid and not _is_solved(r, m, p, dual) else p
         _enter(enter, p, c, dual)
-        p = _minimise(r, p, p + 1, False, dual)
-        blocked = -1 if dual.multipliers[enter] > 0.0 else enter  # rounding sent it straight out again
+        begin, p, whole = p, p + 1, False
+        if rigid:
+            _factor(r, p - 1, p, dual)
+            begin, p = give_way(p, dual)
+            if begin < 0:
+                return FAILED
     return FAILED

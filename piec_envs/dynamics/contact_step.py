@@ -40,7 +40,8 @@ def make_workspace(scene, model):
     """Scratch for one scene and model."""
     n, m = scene.robot.stiffness.shape[0], 2 * MAX_CONTACTS
     weight = np.empty(n + 3)
-    weight[:n] = scene.robot.stiffness
+    for j in range(n):  # assigning the slice would compile a message about shapes for seconds
+        weight[j] = scene.robot.stiffness[j]
     for i in range(3):
         weight[n + i] = REGULARISER * MASS_MATRIX[i] / CONTROL_PERIOD**2
     if model.own_inertia:

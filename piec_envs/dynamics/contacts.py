@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.geometry.distance import closest_on_polygon, front_of
+from piec_envs.geometry.body import measure_pair
 from piec_envs.geometry.kinematics import point_velocity
+from piec_envs.geometry.polygon import closest_on_polygon, front_of
 from piec_envs.kernels import batch_kernel, inlined_kernel
 
 MAX_CONTACTS = 32  # the nearest ones are kept; a step has at most about ten within its margin
@@ -129,11 +130,14 @@ def find_contacts(scene, placed, margin, contacts):
     contacts.number[0] = 0
     for i in range(robot.radius.shape[0]):
         for k in range(item.radius.shape[0]):
-            pair = placed.pairs[i, k]
-            nearest = pair[0], pair[1], pair[2]
-            reach = margin + robot.radius[i] + item.radius[k]
-            if nearest[0] >= reach:
+            pair, reach = placed.pairs[i, k], margin + robot.radius[i] + item.radius[k]
+            if pair[0] >= reach:
                 continue
+            if pair[1] == 0.0 and pair[2] == 0.0:  # a lower bound
+                measure_pair(scene, i, k, placed)
+                if pair[0] >= reach:
+                    continue
+            nearest = pair[0], pair[1], pair[2]
             first, last = item.first[k], item.first[k + 1]
             if last - first == 1:
                 _disc_contact(scene, i, k, placed, nearest, contacts)

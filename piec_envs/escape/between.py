@@ -15,7 +15,7 @@ import numpy as np
 
 from piec_envs.escape.speed import PackedSpeed, slowness
 from piec_envs.escape.sweeping import FAR
-from piec_envs.geometry.distance import closest_on_polygon
+from piec_envs.geometry.polygon import closest_on_polygon
 from piec_envs.kernels import kernel
 
 SAMPLES = 4  # of the slowness along a straight step

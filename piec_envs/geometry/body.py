@@ -1,4 +1,7 @@
-"""Distances of whole bodies: a scene in the world, links to the object, a point to the robot, the robot to itself."""
+"""Signed distances and closest points between points, bodies and the links of a robot.
+
+Every distance is that of the cores (the polygons without rounding, see `polygon`) minus the radii.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from piec_envs.geometry.distance import closest_on_polygon, core_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes, pose_frame
+from piec_envs.geometry.polygon import closest_on_polygon, core_distance, front_of
 from piec_envs.kernels import batch_kernel, inlined_kernel, kernel
+
+SLACK = 1e-6  # m; more than rounding, and cores touching at corners, take from a lower bound
 
 
 class Placed(NamedTuple):
@@ -20,7 +25,8 @@ class Placed(NamedTuple):
     object_frame: np.ndarray  # (1, 4)
     object_vertices: np.ndarray  # (W, 2) m
     object_centres: np.ndarray  # (K, 2) m
-    pairs: np.ndarray  # (S, K, 3) `core_distance` of each robot shape and object shape
+    pairs: np.ndarray  # (S, K, 3) `core_distance` of robot and object shapes; see `link_distances`
+    nearest: np.ndarray  # (S,) int64, the object shape that was nearest: where to look first
 
 
 @batch_kernel
@@ -35,6 +41,7 @@ def make_placed(scene):
         np.empty_like(item.vertices),
         np.empty_like(item.centre),
         np.empty((arm.radius.shape[0], item.radius.shape[0], 3)),
+        np.zeros(arm.radius.shape[0], dtype=np.int64),
     )
 
 
@@ -69,27 +76,56 @@ def place_scene(scene, q, pose, placed, distances):
 
 
 @inlined_kernel
+def measure_pair(scene, i, k, placed):
+    """`core_distance` of robot shape i and object shape k, written to `placed.pairs`."""
+    arm, item, pair = scene.robot.shapes, scene.object.shapes, placed.pairs[i, k]
+    pair[0], pair[1], pair[2] = core_distance(
+        placed.robot_vertices, arm.first[i], arm.first[i + 1],
+        placed.object_vertices, item.first[k], item.first[k + 1],
+    )  # fmt: skip
+
+
+@inlined_kernel
+def _floor_under(scene, i, k, front, n_x, n_y, placed):
+    """Lower bound of the core distance of two shapes, m, where the robot's has no point beyond `front` along n."""
+    x, y = placed.object_centres[k, 0], placed.object_centres[k, 1]
+    item = scene.object.shapes
+    return x * n_x + y * n_y - front - SLACK - item.bound[k] + item.radius[k]
+
+
+@inlined_kernel
 def link_distances(scene, placed, distances):
     """Signed distance from each link to the object.
 
+    The distance to one object shape and its normal say where a robot shape ends in that direction. An object
+    shape that lies beyond by more than the link's least distance is passed over: its pair is a lower bound
+    with the normal (0, 0), until `measure_pair` is asked for it.
+
     Args:
         scene: a `Scene`.
-        placed: a `Placed`, whose `pairs` are written.
+        placed: a `Placed`, whose `pairs` and `nearest` are written; its `nearest` changes no distance.
         distances: output, shape (links,), m.
     """
-    arm, item = scene.robot.shapes, scene.object.shapes
-    for k in range(distances.shape[0]):
-        distances[k] = np.inf
+    arm, item, shapes = scene.robot.shapes, scene.object.shapes, scene.object.shapes.radius.shape[0]
+    for link in range(distances.shape[0]):
+        distances[link] = np.inf
     for i in range(arm.radius.shape[0]):
-        for k in range(item.radius.shape[0]):
-            core, n_x, n_y = core_distance(
-                placed.robot_vertices, arm.first[i], arm.first[i + 1],
-                placed.object_vertices, item.first[k], item.first[k + 1],
-            )  # fmt: skip
-            pair = placed.pairs[i, k]
-            pair[0], pair[1], pair[2] = core, n_x, n_y
-            gap = core - arm.radius[i] - item.radius[k]
-            distances[arm.link[i]] = min(distances[arm.link[i]], gap)
+        link, best, front, n_x, n_y = arm.link[i], np.inf, 0.0, 0.0, 0.0
+        first = placed.nearest[i]
+        for turn in range(shapes):
+            k = first + turn if first + turn < shapes else first + turn - shapes
+            pair, radii = placed.pairs[i, k], arm.radius[i] + item.radius[k]
+            if turn > 0:
+                floor = _floor_under(scene, i, k, front, n_x, n_y, placed)
+                if floor - radii >= distances[link]:
+                    pair[0], pair[1], pair[2] = floor, 0.0, 0.0
+                    continue
+            measure_pair(scene, i, k, placed)
+            gap = pair[0] - arm.radius[i] - item.radius[k]
+            distances[link] = min(distances[link], gap)
+            if gap < best and shapes > 1:
+                best, n_x, n_y, placed.nearest[i] = gap, pair[1], pair[2], k
+                front = front_of(placed.object_vertices, item.first[k], item.first[k + 1], n_x, n_y) - pair[0]
 
 
 @kernel

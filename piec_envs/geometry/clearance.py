@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from piec_envs.geometry.body import make_placed, place_object, place_robot
-from piec_envs.geometry.distance import core_distance
 from piec_envs.geometry.kinematics import point_velocity
+from piec_envs.geometry.polygon import core_distance
 from piec_envs.kernels import batch_kernel, kernel
 
 FLUSH = 1e-9  # m; vertices this far behind the foremost one still count as touching

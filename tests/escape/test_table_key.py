@@ -96,12 +96,12 @@ def test_the_code_of_every_kernel_that_makes_a_table_counts(monkeypatch):
     monkeypatch.setattr(table_key, "_parsed", lambda module: read.append(module) or parsed(module))
     table_key.code_digest.__wrapped__()
     needed = kernels_reached(sys.modules["piec_envs.escape.tabulation"]._tabulate, {})
-    assert {"piec_envs.geometry.kinematics", "piec_envs.geometry.distance"} < needed  # the walk finds what is known
+    assert {"piec_envs.geometry.kinematics", "piec_envs.geometry.polygon"} < needed  # the walk finds what is known
     assert needed | {"piec_envs.kernels"} <= set(read)
     assert not {"piec_envs.compilation", "piec_envs.console"} & set(read)  # what is said to users decides no number
 
 
-@pytest.mark.parametrize("module", ["piec_envs.geometry.distance", "piec_envs.escape.marching", "piec_envs.kernels"])
+@pytest.mark.parametrize("module", ["piec_envs.geometry.polygon", "piec_envs.escape.marching", "piec_envs.kernels"])
 def test_a_change_of_code_makes_tables_anew_and_a_comment_does_not(monkeypatch, module):
     before, parsed = table_key.code_digest(), table_key._parsed
     text = ROOT.parent.joinpath(*module.split(".")).with_suffix(".py").read_text()

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from piec_envs.dynamics.contacts import contact_rows, find_contacts, make_contacts
 from piec_envs.geometry.body import least_distance, make_placed, place_scene, point_distance, scene_distances
-from piec_envs.geometry.distance import core_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity
+from piec_envs.geometry.polygon import core_distance
 from piec_envs.world.objects import OBJECTS
 from piec_envs.world.packed import pack_robot, pack_scene
 from piec_envs.world.shapes import regular_polygon

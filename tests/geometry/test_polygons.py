@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from piec_envs.geometry.distance import closest_on_polygon, core_distance
+from piec_envs.geometry.polygon import closest_on_polygon, core_distance
 
 CORNERS = (3, 4, 5, 7, 11, 16, 22)  # a mesh's cross-section has up to 22
 

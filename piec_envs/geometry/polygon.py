@@ -1,15 +1,14 @@
-"""Signed distances and closest points between points, rounded polygons and bodies.
+"""Signed distances and closest points of points and convex polygons: the cores of rounded shapes.
 
-Every distance is that of the cores (the polygons without rounding) minus the radii. Two disjoint
-convex cores are nearest at a vertex of one of them, so vertices against edges are all it takes;
-overlapping cores are measured by their least separating translation.
+Two disjoint convex cores are nearest at a vertex of one of them, so vertices against edges are all
+it takes; overlapping cores are measured by their least separating translation.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from piec_envs.kernels import inlined_kernel, kernel
+from piec_envs.kernels import kernel
 
 ON_BOUNDARY = 1e-9  # m; nearer than this the offset to the closest point has no direction
 
@@ -124,7 +123,7 @@ def front_of(vertices, first, last, n_x, n_y):
     return front
 
 
-@inlined_kernel
+@kernel
 def core_distance(a, a_first, a_last, b, b_first, b_last):
     """Signed distance of two convex cores and the normal from a to b.
 
