@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import sys
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import piec_envs
 from piec_envs.escape import SpeedModel, table, table_key
 from piec_envs.escape.table import TableField
 from piec_envs.world import packed
 from piec_envs.world.robots import ROBOTS, get_robot
 
 TINY = {"robot_name": "franka_capsules", "resolution": 16, "spacing": 0.5}
-ROOT = Path(piec_envs.__file__).parent
+KEPT = Path(__file__).with_name("table_version.json")
 
 
 @pytest.fixture
@@ -79,37 +77,21 @@ def test_a_change_in_how_robots_are_packed_counts(keys, monkeypatch):
     assert len(set(keys)) == 2
 
 
-def kernels_reached(function, found):
-    """Names of the modules whose compiled functions a compiled function calls, itself included."""
-    if function.py_func.__module__ + function.py_func.__name__ not in found:
-        found[function.py_func.__module__ + function.py_func.__name__] = function.py_func.__module__
-        for name in function.py_func.__code__.co_names:
-            called = function.py_func.__globals__.get(name)
-            if hasattr(called, "py_func"):
-                kernels_reached(called, found)
-    return set(found.values())
+def test_another_version_has_another_key(keys, monkeypatch):
+    TableField(**TINY)
+    monkeypatch.setattr(table_key, "VERSION", table_key.VERSION + 1)
+    TableField(**TINY)
+    assert len(set(keys)) == 2
 
 
-def test_the_code_of_every_kernel_that_makes_a_table_counts(monkeypatch):
-    read = []
-    parsed = table_key._parsed
-    monkeypatch.setattr(table_key, "_parsed", lambda module: read.append(module) or parsed(module))
-    table_key.code_digest.__wrapped__()
-    needed = kernels_reached(sys.modules["piec_envs.escape.tabulation"]._tabulate, {})
-    assert {"piec_envs.geometry.kinematics", "piec_envs.geometry.polygon"} < needed  # the walk finds what is known
-    assert needed | {"piec_envs.kernels"} <= set(read)
-    assert not {"piec_envs.compilation", "piec_envs.console"} & set(read)  # what is said to users decides no number
-
-
-@pytest.mark.parametrize("module", ["piec_envs.geometry.polygon", "piec_envs.escape.marching", "piec_envs.kernels"])
-def test_a_change_of_code_makes_tables_anew_and_a_comment_does_not(monkeypatch, module):
-    before, parsed = table_key.code_digest(), table_key._parsed
-    text = ROOT.parent.joinpath(*module.split(".")).with_suffix(".py").read_text()
-
-    def digest_with(changed):
-        monkeypatch.setattr(table_key, "_parsed", lambda name: ast.parse(changed) if name == module else parsed(name))
-        return table_key.code_digest.__wrapped__()
-
-    assert digest_with(text) == before
-    assert digest_with('"""Other words."""\n# a comment\n\n' + text[text.index('"""', 3) + 3 :]) == before
-    assert digest_with(text + "\nOTHER = 1\n") != before
+def test_the_version_stands_for_the_numbers(tmp_path, monkeypatch):
+    """A change that moves a table's numbers needs another version, or users would go on with the ones they keep."""
+    monkeypatch.setenv("PIEC_CACHE", str(tmp_path))
+    excess = TableField(**TINY)._table.excess.astype(float)  # (A, B, N, N)
+    means = excess.mean(axis=(2, 3)).ravel()
+    kept = json.loads(KEPT.read_text())
+    same = len(kept["means"]) == len(means) and np.allclose(means, kept["means"], rtol=1e-6)
+    assert (kept["version"], same) == (table_key.VERSION, True), (
+        f"tables have other numbers than those of version {kept['version']}: raise VERSION, and write it with the "
+        f"means {np.round(means, 9).tolist()} into {KEPT.name}"
+    )
