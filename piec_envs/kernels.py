@@ -57,14 +57,16 @@ def _inner(function: Callable, **options: Any) -> Any:
     if not function.__name__.startswith("_"):
         return _compiled(function, **options)
 
-    def refuse(*args: Any, **kwargs: Any) -> None:
-        raise TypeError(f"{function.__module__}.{function.__name__} is called by other kernels alone")
-
     compiled = _compiled(function, no_cpython_wrapper=True, **options)
     # Numba would jump to the entry that is not there.
     compiled._insert = lambda signature, entry, object_mode: None
-    compiled._compile_for_args = refuse
+    compiled._compile_for_args = partial(_refuse, f"{function.__module__}.{function.__name__}")
     return compiled
+
+
+def _refuse(name: str, *args: Any, **kwargs: Any) -> None:
+    """What Python gets from a kernel that is made for other kernels alone."""
+    raise TypeError(f"{name} is called by other kernels alone")
 
 
 @cache

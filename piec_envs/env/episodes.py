@@ -227,6 +227,4 @@ class MotionEpisodes:
         values = path if controls is None else controls
         if values is None or (path is not None and controls is not None):
             raise InvalidParameterError("rollout takes either path or controls")
-        if not isinstance(state, State):
-            raise InvalidStateError(f"rollout starts from a State, got {state!r}")
         return self.model.rollout(state, values, absolute=controls is None)

@@ -100,15 +100,11 @@ def _action(entry: Entry, env: Any) -> str:
         else "the posture, each joint from its lower (-1) to its upper (1) limit, taken at once."
     )
     table = f"| joint | unit | lower | upper | speed, 1/s | lead |\n| --- | --- | --- | --- | --- | --- |\n{limits}"
-    return f"## Action\n\n`{_space(env.action_space)}`: {meaning}\n\n{table}"
+    return f"## Action\n\n`{_box(env.action_space)}`: {meaning}\n\n{table}"
 
 
 def _unit(joint: Any) -> str:
     return "rad" if joint.axis[2] else "m"
-
-
-def _space(space: gym.Space) -> str:
-    return re.sub(r"\s+", " ", str(space)) if np.size(getattr(space, "low", 0)) < 2 else _box(space)
 
 
 def _box(space: Any) -> str:
@@ -138,7 +134,7 @@ def _observation(entry: Entry, env: Any) -> str:
             "object's and the goal's x and y, m."
         )
     return (
-        f"## Observation\n\n`{_space(env.observation_space)}`\n\n| entries | term | meaning | unit | largest |\n"
+        f"## Observation\n\n`{_box(env.observation_space)}`\n\n| entries | term | meaning | unit | largest |\n"
         f"| --- | --- | --- | --- | --- |\n{lines}{extra}"
     )
 

@@ -53,7 +53,7 @@ def _keeping_generator(env: gym.Env) -> Iterator[None]:
             raise
 
 
-class Motion:
+class MotionInterface:
     """What environments of motion offer beside Gymnasium's interface; static caging refuses it."""
 
     _episodes: Any
@@ -114,7 +114,7 @@ class Motion:
         return self._episodes
 
 
-class Env(Motion, PlainSpec, gym.Env):
+class Env(MotionInterface, PlainSpec, gym.Env):
     """One episode at a time; docs/envs describes each id.
 
     If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`: the reward of one

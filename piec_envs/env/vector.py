@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from piec_envs.env.episodes import Episodes
 from piec_envs.env.info import with_masks
-from piec_envs.env.single import Motion, rewinding, take_row
+from piec_envs.env.single import MotionInterface, rewinding, take_row
 from piec_envs.env.spec import PlainSpec
 from piec_envs.errors import (
     InvalidActionError,
@@ -45,7 +45,7 @@ def _own_generator(seed: Any) -> tuple[np.random.Generator, int]:
     return np.random.default_rng(given or None), -1
 
 
-class VectorEnv(Motion, PlainSpec, GymVectorEnv):
+class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
     """B rows of one environment; for a whole-number seed, row i is bit-equal to the single env with seed + i.
 
     If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`, for any number of goals.

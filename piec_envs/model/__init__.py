@@ -1,1 +1,1 @@
-"""One batch of episodes behind the single env, the VectorEnv and rollouts."""
+"""A task, a robot and contact dynamics as one thing that simulates, and what its states are measured by."""
