@@ -1,4 +1,5 @@
-"""Accuracy of the escape fields: against a fine grid, scikit-fmm, finite differences, and when pushing.
+"""Accuracy of the escape fields: against a fine grid, scikit-fmm, finite differences, and when
+pushing.
 
 Run: python benchmarks/escape_accuracy.py
 """
@@ -37,8 +38,12 @@ def point_set(kind: str, rows: int, k: int, seed: int = 0) -> tuple[np.ndarray, 
     return draw_points(ROBOT, kind, q, k, rng), q
 
 
-def against_fine_grid(kind: str, rows: int = 50, k: int = 400, seed: int = 0, settings=SETTINGS) -> list[dict]:
-    """Relative error of every setting against second-order marching at 560 x 560, reachable in both."""
+def against_fine_grid(
+    kind: str, rows: int = 50, k: int = 400, seed: int = 0, settings=SETTINGS
+) -> list[dict]:
+    """Relative error of every setting against second-order marching at 560 x 560, reachable in
+    both.
+    """
     points, q = point_set(kind, rows, k, seed)
     true = GridField(ROBOT, FINE, "marching").query(points, q)
     reachable = np.isfinite(GridField(ROBOT, FINE, "marching", HARD).query(points, q))
@@ -76,7 +81,9 @@ def against_scikit(resolution: int, rows: int) -> dict:
     x, y = np.meshgrid(field.solve(q).x, field.solve(q).y)
     nodes, h = np.stack([x, y], -1), float(x[0, 1] - x[0, 0])  # (N, N, 2)
     inside, bound = get_robot(ROBOT).workspace_radius - np.hypot(x, y), least_time(ROBOT, nodes)
-    own = np.asarray(skfmm.travel_time(inside, np.full(x.shape, field.u_bar), dx=h, order=2)) - bound
+    own = (
+        np.asarray(skfmm.travel_time(inside, np.full(x.shape, field.u_bar), dx=h, order=2)) - bound
+    )
     differences, corrected = [], []
     for q in np.concatenate([point_set(kind, rows // 2, 1)[1] for kind in ("uniform", "curled")]):
         drawn = field.solve(q)
@@ -96,15 +103,23 @@ def against_scikit(resolution: int, rows: int) -> dict:
 
 
 def _cosine(a, b):
-    return (a * b).sum(-1) / np.maximum(np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-300)
+    return (a * b).sum(-1) / np.maximum(
+        np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-300
+    )
 
 
-def gradients(kind: str, rows: int = 30, k: int = 20, step: float = 1e-3, fine: int = 400) -> list[dict]:
-    """Gradients against central differences of a fine field, at reachable points that feel the robot."""
+def gradients(
+    kind: str, rows: int = 30, k: int = 20, step: float = 1e-3, fine: int = 400
+) -> list[dict]:
+    """Gradients against central differences of a fine field, at reachable points that feel the
+    robot.
+    """
     points, q = point_set(kind, rows, k, seed=3)
     field = GridField(ROBOT, fine, "marching")
     reachable = np.isfinite(GridField(ROBOT, fine, "marching", HARD).query(points, q))
-    in_q = [field.query(points, q + e) - field.query(points, q - e) for e in step * np.eye(q.shape[1])]
+    in_q = [
+        field.query(points, q + e) - field.query(points, q - e) for e in step * np.eye(q.shape[1])
+    ]
     in_p = [field.query(points + e, q) - field.query(points - e, q) for e in step * np.eye(2)]
     in_q, in_p = np.stack(in_q, -1) / (2 * step), np.stack(in_p, -1) / (2 * step)
     felt = reachable & (np.linalg.norm(in_q, axis=-1) > 0.5)  # s/rad
@@ -128,7 +143,9 @@ def gradients(kind: str, rows: int = 30, k: int = 20, step: float = 1e-3, fine: 
 
 
 def pressed_points(rows: int, seed: int = 0, reach: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Points at 0.075 and 0.1 m straight above a link of a nearly straight arm, (rows, 2, 2), and its q."""
+    """Points at 0.075 and 0.1 m straight above a link of a nearly straight arm, (rows, 2, 2), and
+    its q.
+    """
     rng, scene = np.random.default_rng(seed), pack_scene(ROBOT, "circle")
     chosen, configurations = [], []
     while len(chosen) < rows:
@@ -149,7 +166,9 @@ def pressed_points(rows: int, seed: int = 0, reach: float = 1.0) -> tuple[np.nda
 
 
 def pressing(rows: int = 300) -> list[dict]:
-    """T at 0.075 m over T at 0.1 m from one link in the open: pressing must not look like caging."""
+    """T at 0.075 m over T at 0.1 m from one link in the open: pressing must not look like
+    caging.
+    """
     points, q = pressed_points(rows)
     table = []
     for resolution, method in ((FINE, "marching"), *SETTINGS):
@@ -174,7 +193,9 @@ def run() -> list[dict]:
 def main() -> None:
     """Print one line per check."""
     for row in run():
-        numbers = (f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in list(row.items())[2:])
+        numbers = (
+            f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in list(row.items())[2:]
+        )
         print(f"{row['check']:36} {row['field']:14}", "  ".join(numbers))
 
 

@@ -24,7 +24,9 @@ RING = 2.5  # cells outside the circle that scikit-fmm is given
 def configurations(rows: int = CONFIGURATIONS, seed: int = 0) -> np.ndarray:
     """Half uniform, half curled, shape (rows, n)."""
     rng = np.random.default_rng(seed)
-    return np.concatenate([draw_configurations(ROBOT, kind, rows // 2, rng) for kind in ("uniform", "curled")])
+    return np.concatenate(
+        [draw_configurations(ROBOT, kind, rows // 2, rng) for kind in ("uniform", "curled")]
+    )
 
 
 def _milliseconds(work, rows: int) -> float:
@@ -80,7 +82,12 @@ def main() -> None:
     rows = run()
     print("  ".join(f"{key:>17}" for key in rows[0]))
     for row in rows:
-        print("  ".join(f"{value:>17.3f}" if isinstance(value, float) else f"{value:>17}" for value in row.values()))
+        print(
+            "  ".join(
+                f"{value:>17.3f}" if isinstance(value, float) else f"{value:>17}"
+                for value in row.values()
+            )
+        )
 
 
 if __name__ == "__main__":

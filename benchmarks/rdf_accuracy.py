@@ -30,13 +30,17 @@ def fit_all(degree: int) -> dict:
 
 
 def shell_points(body: str, rng: np.random.Generator) -> np.ndarray:
-    """Points of space within 0.2 m of a body, then as many inside it, each evenly spread, (B, 3)."""
+    """Points of space within 0.2 m of a body, then as many inside it, each evenly spread,
+    (B, 3).
+    """
     vertices = mesh_vertices(body)
     hull, low, high = convex_hull(vertices), vertices.min(axis=0), vertices.max(axis=0)
     around = rng.uniform(low - SHELL, high + SHELL, (2 * POINTS, 3))
     inside = rng.uniform(low, high, (2 * POINTS, 3))
     d = exact_distance(hull, around)
-    return np.concatenate([around[(d > 0) & (d <= SHELL)], inside[exact_distance(hull, inside) <= 0]])
+    return np.concatenate(
+        [around[(d > 0) & (d <= SHELL)], inside[exact_distance(hull, inside) <= 0]]
+    )
 
 
 def accuracy(d: np.ndarray, slope: np.ndarray, true: np.ndarray) -> dict:
@@ -84,7 +88,9 @@ def whole_arm(shapes: dict, postures: int = 10) -> dict:
         poses = {body: frames[BODIES.index(body)] for body in MOVING}
         points = np.concatenate([local[b] @ poses[b][:3, :3].T + poses[b][:3, 3] for b in MOVING])
         found.append((*field.gradients(points, q)[:2], true_distance(points, q)))
-    return {"check": "whole arm"} | accuracy(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
+    return {"check": "whole arm"} | accuracy(
+        *(np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    )
 
 
 def seconds(call, *args, repeats: int = 3) -> float:
@@ -145,7 +151,10 @@ def degrees() -> list[dict]:
         rows = bodies(shapes)
         keys = [key for key in rows[0] if key != "check"]
         worst = {key: (max if "_mm" in key else min)(row[key] for row in rows) for key in keys}
-        table += [{"check": f"degree {degree}, worst body"} | worst, speed(shapes, degree) | {"fit_s": fit}]
+        table += [
+            {"check": f"degree {degree}, worst body"} | worst,
+            speed(shapes, degree) | {"fit_s": fit},
+        ]
     return table
 
 
@@ -163,7 +172,10 @@ def against_polygons(shapes: dict) -> list[dict]:
         share = {"below_-3mm_%": 100 * np.mean(difference < -3.0)}
         table.append({"check": f"in the plane minus polygons, {kind}"} | cuts | share)
         clear = draw_points("franka", kind, q, 50, rng)
-        T = [GridField("franka", 200, "marching", distance=name).query(clear, q) for name in ("rdf", "polygons")]
+        T = [
+            GridField("franka", 200, "marching", distance=name).query(clear, q)
+            for name in ("rdf", "polygons")
+        ]
         ratio = T[0] / T[1]
         cuts = {f"p{p}": np.percentile(ratio, p) for p in (0, 1, 10, 50, 90, 99, 100)}
         table.append({"check": f"T (rdf) / T (polygons), {kind}"} | cuts)
@@ -173,7 +185,14 @@ def against_polygons(shapes: dict) -> list[dict]:
 def main() -> None:
     """Print one line per check."""
     shapes = fit_all(DEGREE)
-    for row in [*bodies(shapes), whole_arm(shapes), *against_polygons(shapes), exact_speed(), grid_speed(), *degrees()]:
+    for row in [
+        *bodies(shapes),
+        whole_arm(shapes),
+        *against_polygons(shapes),
+        exact_speed(),
+        grid_speed(),
+        *degrees(),
+    ]:
         numbers = (f"{key} {value:.4g}" for key, value in list(row.items())[1:])
         print(f"{row['check']:38}", "  ".join(numbers), flush=True)
 

@@ -1,6 +1,8 @@
-"""Two commits timed side by side: `python benchmarks/side_by_side.py BEFORE AFTER`, two trees of the repository.
+"""Two commits timed side by side: `python benchmarks/side_by_side.py BEFORE AFTER`, two trees of
+the repository.
 
-Runs benchmarks/steps.py under either tree in turn, with the same Python, and prints medians and their ratios.
+Runs benchmarks/steps.py under either tree in turn, with the same Python, and prints medians and
+their ratios.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ STEPS = Path(__file__).with_name("steps.py")
 def times(tree: str) -> dict[str, float]:
     """What the script prints under one tree, by name, us."""
     env = {**os.environ, "PYTHONPATH": str(Path(tree).resolve()), "PIEC_QUIET": "1"}
-    done = subprocess.run([sys.executable, str(STEPS)], env=env, cwd=tree, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, str(STEPS)], env=env, cwd=tree, capture_output=True, text=True, check=True
+    )
     return json.loads(done.stdout)
 
 

@@ -1,6 +1,8 @@
-"""Time of steps through Gymnasium's interface alone, so that any commit can be measured: prints JSON, us.
+"""Time of steps through Gymnasium's interface alone, so that any commit can be measured: prints
+JSON, us.
 
-CPU time of the process for single environments, wall time for each row of native vector environments and rollouts.
+CPU time of the process for single environments, wall time for each row of native vector
+environments and rollouts.
 """
 
 from __future__ import annotations
@@ -47,7 +49,9 @@ def single(env_id: str, kwargs: dict[str, Any]) -> float:
 
 
 def rows(count: int, kwargs: dict[str, Any]) -> tuple[float, float]:
-    """Wall time of a row's step, of the native vector environment and of `rollout` with the same actions, us."""
+    """Wall time of a row's step, of the native vector environment and of `rollout` with the same
+    actions, us.
+    """
     envs = gym.make_vec(PUSH, num_envs=count, vectorization_mode="vector_entry_point", **kwargs)
     actions = np.random.default_rng(0).uniform(-1, 1, (40, *envs.action_space.shape))
     envs.reset(seed=0)
@@ -62,7 +66,9 @@ def rows(count: int, kwargs: dict[str, Any]) -> tuple[float, float]:
     episode()
     native = median_us(episode, 1, time.perf_counter)
     envs.unwrapped.rollout(state, controls=controls)
-    rolled = median_us(lambda: envs.unwrapped.rollout(state, controls=controls), 1, time.perf_counter)
+    rolled = median_us(
+        lambda: envs.unwrapped.rollout(state, controls=controls), 1, time.perf_counter
+    )
     return native / (count * len(actions)), rolled / (count * len(actions))
 
 

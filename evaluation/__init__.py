@@ -1,4 +1,5 @@
-"""Evaluation of policies and plans: rollouts, protocols, metrics, records, tables, figures and studies.
+"""Evaluation of policies and plans: rollouts, protocols, metrics, records, tables, figures and
+studies.
 
 The names below load what they need at their first use, so that `piec --help` is quick.
 """

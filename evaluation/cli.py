@@ -61,7 +61,9 @@ def _add_command(commands, command: Command) -> None:
         epilog=f"examples:\n{examples}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON document on the standard output")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON document on the standard output"
+    )
     # Before and behind the command; the default there must not undo what stands here.
     parser.add_argument("--quiet", action="store_true", default=argparse.SUPPRESS, help=QUIET)
     command.load().add_arguments(parser)
@@ -91,7 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     args = make_parser().parse_args(arguments)
     try:
-        with contextlib.redirect_stdout(sys.stderr), _quiet(args.quiet):  # what is printed on the way is no result
+        # what is printed on the way is no result
+        with contextlib.redirect_stdout(sys.stderr), _quiet(args.quiet):
             report = _run(args)
     except (PiecError, OSError) as error:
         message = " ".join(str(error).split())

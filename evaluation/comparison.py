@@ -32,18 +32,29 @@ class Difference:
 
     @property
     def size(self) -> float:
-        """The difference over the larger of the two; infinite between what is no number, 0 if equal."""
-        a, b = self.committed, self.yours
+        """The difference over the larger of the two; infinite between what is no number, 0 if
+        equal.
+        """
+        a = self.committed
+        b = self.yours
         if _same(a, b):
             return 0.0
-        numbers = all(isinstance(item, int | float) and not isinstance(item, bool) for item in (a, b))
+        numbers = all(
+            isinstance(item, int | float) and not isinstance(item, bool) for item in (a, b)
+        )
         if not numbers or not (math.isfinite(a) and math.isfinite(b)):
             return math.inf
         return abs(a - b) / max(abs(a), abs(b))
 
     def row(self) -> dict[str, Any]:
         """A row of the table."""
-        differs = "no" if self.size == 0 else "yes" if math.isinf(self.size) else f"by {100 * self.size:.2g} %"
+        differs = (
+            "no"
+            if self.size == 0
+            else "yes"
+            if math.isinf(self.size)
+            else f"by {100 * self.size:.2g} %"
+        )
         names = {"work": self.work, "value": self.value}
         return {**names, "committed": self.committed, "yours": self.yours, "differs": differs}
 
@@ -54,7 +65,9 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def compare(
-    committed: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
+    committed: Mapping[str, Mapping[str, Any]],
+    own: Mapping[str, Mapping[str, Any]],
+    labels: Mapping[str, str],
 ) -> list[Difference]:
     """All values of all results that both have, equal ones too.
 
@@ -72,7 +85,9 @@ def compare(
             continue
         ours, theirs = (dict(leaves(record["result"])) for record in (own[key], committed[key]))
         label = f"{_kind(own[key])}{labels.get(key) or key}"
-        found += [Difference(label, name, theirs.get(name), ours.get(name)) for name in {**theirs, **ours}]
+        found += [
+            Difference(label, name, theirs.get(name), ours.get(name)) for name in {**theirs, **ours}
+        ]
     return found
 
 
@@ -106,10 +121,14 @@ def summary(found: list[Difference]) -> str:
     works = len({item.work for item in found})
     sizes = [item.size for item in found if item.size > 0]
     if not sizes:
-        return f"committed against yours: all {len(found)} values of {works} pieces of work are the same"
+        return (
+            f"committed against yours: all {len(found)} values of {works} pieces of work are "
+            f"the same"
+        )
     large = sum(size > 1e-6 for size in sizes)
     return (
-        f"committed against yours: {len(sizes)} of {len(found)} values of {works} pieces of work differ, "
+        f"committed against yours: {len(sizes)} of {len(found)} values of {works} pieces of work "
+        f"differ, "
         f"{large} of them by more than a millionth"
     )
 
@@ -119,7 +138,11 @@ def comparison_table(found: list[Difference]) -> str:
     differing = sorted((item for item in found if item.size > 0), key=lambda item: -item.size)
     if not differing:
         return ""
-    more = f"{len(differing) - SHOWN} more differ; all values are in {NAME}.csv" if len(differing) > SHOWN else ""
+    more = (
+        f"{len(differing) - SHOWN} more differ; all values are in {NAME}.csv"
+        if len(differing) > SHOWN
+        else ""
+    )
     return markdown([item.row() for item in differing[:SHOWN]], notes=more)
 
 
@@ -135,4 +158,7 @@ def write_comparison(folder: Path, found: list[Difference]) -> list[Path]:
     """
     text = f"# Committed against yours\n\n{summary(found)}\n\n{comparison_table(found)}"
     rows = [{**item.row(), "differs": item.size} for item in found]
-    return [write_atomic(folder / f"{NAME}.md", text), write_atomic(folder / f"{NAME}.csv", csv_text(rows))]
+    return [
+        write_atomic(folder / f"{NAME}.md", text),
+        write_atomic(folder / f"{NAME}.csv", csv_text(rows)),
+    ]

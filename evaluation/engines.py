@@ -3,7 +3,8 @@
 An engine opens what `run_jobs` takes as `jobs`. Beyond this machine that is an executor, whose
 `submit(function, *args)` returns a future with `done()` and `result()`. Workers get JSON specs and
 seeds alone, one piece of work on one core at a time. A piece whose worker was lost is done again, a
-bounded number of times; an exception of the work itself is raised here at once, as it was raised there.
+bounded number of times; an exception of the work itself is raised here at once, as it was raised
+there.
 """
 
 from __future__ import annotations
@@ -19,7 +20,13 @@ from typing import Any
 
 from evaluation.jobs import POLL_SECONDS, RETRIES, say
 from evaluation.workers import answer, installed, value_of
-from piec_envs import EngineError, InvalidParameterError, MissingDependencyError, as_count, check_name
+from piec_envs import (
+    EngineError,
+    InvalidParameterError,
+    MissingDependencyError,
+    as_count,
+    check_name,
+)
 
 RAY_STORE = 100 * 2**20  # bytes; results are small, and Ray would take a third of the memory
 SLURM_FOLDER = "runs/slurm"
@@ -48,14 +55,16 @@ class Engine:
 
 
 @contextmanager
-def open_engine(name: str = "local", jobs: int = 1, options: Mapping[str, Any] | None = None) -> Iterator[Any]:
+def open_engine(
+    name: str = "local", jobs: int = 1, options: Mapping[str, Any] | None = None
+) -> Iterator[Any]:
     """Workers, until the `with` statement ends.
 
     Args:
         name: a row of the table of engines.
         jobs: how many pieces of work are done at once.
-        options: of the engine: what `ray.init` takes; or `folder` (of pickles and logs), `cluster` and
-            parameters of submitit's AutoExecutor.
+        options: of the engine: what `ray.init` takes; or `folder` (of pickles and logs), `cluster`
+            and parameters of submitit's AutoExecutor.
 
     Yields:
         What `run_jobs`, `run_recorded` and every study's `run` take as `jobs`.
@@ -85,11 +94,20 @@ def _ray(jobs: int, options: Mapping[str, Any]) -> Iterator[_RayWorkers]:
 
     running = ray.is_initialized()
     if running and options:
-        raise EngineError(f"Ray runs already in this process, too late for its options {', '.join(options)}")
+        raise EngineError(
+            f"Ray runs already in this process, too late for its options {', '.join(options)}"
+        )
     if not running:
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a study does not call home
-        here = {"address": "local", "num_cpus": jobs, "include_dashboard": False, "object_store_memory": RAY_STORE}
-        where = {"address": "auto"} if os.environ.get("RAY_ADDRESS") or options.get("address") else here
+        here = {
+            "address": "local",
+            "num_cpus": jobs,
+            "include_dashboard": False,
+            "object_store_memory": RAY_STORE,
+        }
+        where = (
+            {"address": "auto"} if os.environ.get("RAY_ADDRESS") or options.get("address") else here
+        )
         try:
             ray.init(**{"logging_level": "ERROR", **where, **options})
         except (RuntimeError, ValueError, TypeError, ConnectionError) as error:
@@ -104,8 +122,8 @@ def _ray(jobs: int, options: Mapping[str, Any]) -> Iterator[_RayWorkers]:
 class _RayWorkers:
     """Plain remote tasks: Ray itself runs a task again whose worker or node was lost.
 
-    joblib's Ray backend would need no class here, but it is a pool of actors: with one of them killed,
-    the whole call ends with ActorDiedError (Ray 2.60).
+    joblib's Ray backend would need no class here, but it is a pool of actors: with one of them
+    killed, the whole call ends with ActorDiedError (Ray 2.60).
 
     Args:
         limit: tasks at once.
@@ -115,7 +133,8 @@ class _RayWorkers:
         import ray
 
         self.limit = limit
-        # retry_exceptions: what the work itself raises comes back as its answer and is not tried again
+        # retry_exceptions: what the work itself raises comes back as its answer and is not tried
+        # again
         self._task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(answer)
 
     def submit(self, function: Callable, *args: Any) -> _RayFuture:
@@ -138,7 +157,9 @@ class _RayFuture:
         try:
             answer = self._future.result()
         except RayError as error:
-            raise EngineError(f"Ray could not do a piece of work in {1 + RETRIES} tries: {error}") from error
+            raise EngineError(
+                f"Ray could not do a piece of work in {1 + RETRIES} tries: {error}"
+            ) from error
         return value_of(answer)
 
 
@@ -148,7 +169,8 @@ def _slurm(jobs: int, options: Mapping[str, Any]) -> Iterator[_SlurmWorkers]:
     import submitit
 
     chosen = {**SLURM_OPTIONS, **options}
-    folder, cluster = chosen.pop("folder", SLURM_FOLDER), chosen.pop("cluster", "slurm")
+    folder = chosen.pop("folder", SLURM_FOLDER)
+    cluster = chosen.pop("cluster", "slurm")
     try:
         executor = submitit.AutoExecutor(folder, cluster=cluster)
         executor.update_parameters(**chosen)
@@ -170,7 +192,8 @@ class _SlurmWorkers:
     """
 
     def __init__(self, executor: Any, limit: int):
-        self.limit, self._executor = limit, executor
+        self.limit = limit
+        self._executor = executor
         self._futures: list[_SlurmFuture] = []
 
     def submit(self, function: Callable, *args: Any) -> _SlurmFuture:
@@ -184,7 +207,8 @@ class _SlurmWorkers:
 
         try:
             return self._executor.submit(answer, *args)
-        except (FailedJobError, FailedSubmissionError) as error:  # such as a partition that there is not
+        # such as a partition that there is not
+        except (FailedJobError, FailedSubmissionError) as error:
             raise EngineError(f"Slurm takes no job: {error}") from error
 
     def cancel(self) -> None:
@@ -201,14 +225,18 @@ class _SlurmFuture:
     """
 
     def __init__(self, submit: Callable[[], Any]):
-        self._submit, self.job = submit, submit()
-        self._losses, self._ended = 0, -1.0
+        self._submit = submit
+        self.job = submit()
+        self._losses = 0
+        self._ended = -1.0
         self.answer: tuple[Any, Exception | None] | None = None
 
     def done(self) -> bool:
-        """Whether there is an answer; a lost job is submitted again, and raises EngineError if lost too often.
+        """Whether there is an answer; a lost job is submitted again, and raises EngineError if lost
+        too often.
 
-        It waits for nothing, so that the other jobs go on: an answer that may only be late is looked for again.
+        It waits for nothing, so that the other jobs go on: an answer that may only be late is
+        looked for again.
         """
         from submitit.core.utils import FailedJobError
 
@@ -220,7 +248,8 @@ class _SlurmFuture:
             return False
         try:
             self.answer = self.job.result()
-        except FailedJobError as error:  # it ran and could not even answer, as where the suite is not installed
+        # it ran and could not even answer, as where the suite is not installed
+        except FailedJobError as error:
             raise EngineError(f"a Slurm job failed: {error}") from error
         return True
 
@@ -229,11 +258,17 @@ class _SlurmFuture:
         self._ended = now if self._ended < 0 else self._ended
         if now - self._ended < LATE_SECONDS:
             return
-        self._losses, self._ended = self._losses + 1, -1.0
+        self._losses = self._losses + 1
+        self._ended = -1.0
         if self._losses > RETRIES:
             last = f"Slurm job {self.job.job_id} ({self.job.state}): {self.job.stderr()}"
-            raise EngineError(f"a piece of work was lost {self._losses} times, the last time as {last}")
-        say(f"Slurm job {self.job.job_id} was lost; it is submitted again ({self._losses} of {RETRIES})")
+            raise EngineError(
+                f"a piece of work was lost {self._losses} times, the last time as {last}"
+            )
+        say(
+            f"Slurm job {self.job.job_id} was lost; it is submitted again ({self._losses} of "
+            f"{RETRIES})"
+        )
         self.job = self._submit()
 
     def result(self) -> Any:
@@ -244,8 +279,11 @@ class _SlurmFuture:
             time.sleep(POLL_SECONDS)
         try:
             return value_of(self.answer)
-        except UncompletedJobError as error:  # submitit raises it amid the work when the time is nearly up
-            raise EngineError(f"a Slurm job needs more time, or the option timeout_min: {error}") from error
+        # submitit raises it amid the work when the time is nearly up
+        except UncompletedJobError as error:
+            raise EngineError(
+                f"a Slurm job needs more time, or the option timeout_min: {error}"
+            ) from error
 
 
 def _need(package: str, extra: str) -> None:

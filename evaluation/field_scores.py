@@ -31,7 +31,11 @@ def errors(query: Query, chosen: PointSet, only_hard: bool = False) -> dict[str,
     error = np.abs(query(chosen.points, chosen.q) - chosen.T) / chosen.T
     if only_hard:
         error = error[chosen.T / chosen.bound > HARD_RATIO]
-    return {"median": float(np.median(error)), "mean": float(error.mean()), "p95": float(np.percentile(error, 95))}
+    return {
+        "median": float(np.median(error)),
+        "mean": float(error.mean()),
+        "p95": float(np.percentile(error, 95)),
+    }
 
 
 def rank_over_points(query: Query, chosen: PointSet) -> float:
@@ -72,8 +76,10 @@ def enclosure_auc(query: Query, chosen: PointSet) -> float:
     Returns:
         The area under the ROC curve; ties count half.
     """
-    found, enclosed = query(chosen.points, chosen.q)[:, 0], ~chosen.reachable[:, 0]
-    ranks, count = rankdata(found), int(enclosed.sum())
+    found = query(chosen.points, chosen.q)[:, 0]
+    enclosed = ~chosen.reachable[:, 0]
+    ranks = rankdata(found)
+    count = int(enclosed.sum())
     others = len(found) - count
     return float((ranks[enclosed].sum() - count * (count + 1) / 2) / (count * others))
 
@@ -90,7 +96,8 @@ def gradient_cosine(field: EscapeField, exact: EscapeField, chosen: PointSet) ->
         The cosine; a point counts where the exact |dT/dq| is above 0.5 s/rad.
     """
     points = chosen.points[:, :GRADIENT_POINTS]
-    found, true = field.gradients(points, chosen.q)[2], exact.gradients(points, chosen.q)[2]
+    found = field.gradients(points, chosen.q)[2]
+    true = exact.gradients(points, chosen.q)[2]
     length = np.linalg.norm(true, axis=-1)
     felt = chosen.reachable[:, :GRADIENT_POINTS] & (length > LEAST_SLOPE)
     product = np.linalg.norm(found, axis=-1) * length
@@ -111,9 +118,11 @@ def query_microseconds(query: Query, chosen: PointSet, batch: int, seconds: floa
     """
     rng = np.random.default_rng(0)
     rows = rng.integers(len(chosen.q), size=batch)
-    q, points = chosen.q[rows], chosen.points[rows, rng.integers(chosen.points.shape[1], size=batch)][:, None]
+    q = chosen.q[rows]
+    points = chosen.points[rows, rng.integers(chosen.points.shape[1], size=batch)][:, None]
     query(points, q)
-    best, end = np.inf, time.perf_counter() + seconds
+    best = np.inf
+    end = time.perf_counter() + seconds
     while time.perf_counter() < end:
         begin = time.perf_counter()
         query(points, q)

@@ -1,9 +1,9 @@
 """The held-out sets on which escape fields are judged, with the exact answer at every point.
 
-H: curled configurations, points around the arm's centroid; `hard` are those of H where the arm costs
-more than 5 % over the straight way. C: one point, many curled configurations turned towards it. U:
-uniform configurations, points anywhere in the disc. P: states along plans. All points are more than
-0.05 m from the robot, and no seed is one of training.
+H: curled configurations, points around the arm's centroid; `hard` are those of H where the arm
+costs more than 5 % over the straight way. C: one point, many curled configurations turned towards
+it. U: uniform configurations, points anywhere in the disc. P: states along plans. All points are
+more than 0.05 m from the robot, and no seed is one of training.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from piec_envs import (
 
 SEEDS = {"H": 30_001, "C": 30_002, "U": 30_003}
 CLEARANCE = 0.05  # m
-RANK_POINTS = {"planar_arm": (0.35, 0.1), "franka": (0.2, 0.06)}  # m, the point of set C: where cages can be
+# m, the point of set C: where cages can be
+RANK_POINTS = {"planar_arm": (0.35, 0.1), "franka": (0.2, 0.06)}
 HARD_RATIO = 1.05  # T / T_0 beyond which a point of H is hard
 RESOLUTION = 200  # of the second-order grid that is taken for the truth
 
@@ -60,10 +61,14 @@ def least_time(robot_name: str, points: np.ndarray) -> np.ndarray:
     Returns:
         Shape (...), s.
     """
-    return (get_robot(robot_name).workspace_radius - np.hypot(points[..., 0], points[..., 1])) / SpeedModel().u_bar
+    return (
+        get_robot(robot_name).workspace_radius - np.hypot(points[..., 0], points[..., 1])
+    ) / SpeedModel().u_bar
 
 
-def solved_set(robot_name: str, q: np.ndarray, points: np.ndarray, threads: int | None = None) -> PointSet:
+def solved_set(
+    robot_name: str, q: np.ndarray, points: np.ndarray, threads: int | None = None
+) -> PointSet:
     """A set with the answers of the exact fields, leaky and hard.
 
     Args:
@@ -98,7 +103,9 @@ def exact_field(robot_name: str, threads: int | None = None) -> GridField:
     return GridField(robot_name, RESOLUTION, "marching", threads=threads)
 
 
-def curled_set(robot_name: str, rows: int = 50, k: int = 400, threads: int | None = None) -> PointSet:
+def curled_set(
+    robot_name: str, rows: int = 50, k: int = 400, threads: int | None = None
+) -> PointSet:
     """Set H.
 
     Args:
@@ -113,7 +120,9 @@ def curled_set(robot_name: str, rows: int = 50, k: int = 400, threads: int | Non
     return _drawn_set(robot_name, "curled", SEEDS["H"], rows, k, threads)
 
 
-def uniform_set(robot_name: str, rows: int = 50, k: int = 400, threads: int | None = None) -> PointSet:
+def uniform_set(
+    robot_name: str, rows: int = 50, k: int = 400, threads: int | None = None
+) -> PointSet:
     """Set U.
 
     Args:
@@ -146,7 +155,8 @@ def ranking_set(robot_name: str, rows: int = 1500, threads: int | None = None) -
         UnknownNameError: for a robot without such a point.
     """
     check_name("robot with a point of set C", robot_name, RANK_POINTS)
-    rng, point = np.random.default_rng(SEEDS["C"]), np.array(RANK_POINTS[robot_name])
+    rng = np.random.default_rng(SEEDS["C"])
+    point = np.array(RANK_POINTS[robot_name])
     kept = np.empty((0, get_robot(robot_name).dof))
     while len(kept) < rows:
         q = draw_configurations(robot_name, "curled", rows, rng)
@@ -154,15 +164,22 @@ def ranking_set(robot_name: str, rows: int = 1500, threads: int | None = None) -
         x, y = robot_vertices(robot_name, q).mean(axis=1).T
         turn = np.arctan2(point[1], point[0]) - np.arctan2(y, x)
         q[:, 0] = (turn + np.pi) % (2 * np.pi) - np.pi
-        clear = robot_distance(robot_name, np.repeat(point[None, None], rows, axis=0), q)[:, 0] > CLEARANCE
+        clear = (
+            robot_distance(robot_name, np.repeat(point[None, None], rows, axis=0), q)[:, 0]
+            > CLEARANCE
+        )
         kept = np.concatenate([kept, q[clear]])
     return solved_set(robot_name, kept[:rows], np.repeat(point[None, None], rows, axis=0), threads)
 
 
 def plan_set(
-    robot_name: str, states: Sequence[tuple[np.ndarray, np.ndarray]], key_points: np.ndarray, threads: int | None = None
+    robot_name: str,
+    states: Sequence[tuple[np.ndarray, np.ndarray]],
+    key_points: np.ndarray,
+    threads: int | None = None,
 ) -> PointSet:
-    """Set P: the key points of the object in all states of some plans, as far as they are clear of the robot.
+    """Set P: the key points of the object in all states of some plans, as far as they are clear of
+    the robot.
 
     Args:
         robot_name: a row of the table of robots.
@@ -193,6 +210,8 @@ def thinned(chosen: PointSet, count: int, fine: GridField) -> PointSet:
         The smaller set; `bound` and `reachable` are those of the larger one.
     """
     rows = np.unique(np.linspace(0, len(chosen.q) - 1, count).astype(int))
-    q, points = chosen.q[rows], np.ascontiguousarray(chosen.points[rows, :1])
-    bound, reachable = chosen.bound[rows, :1], chosen.reachable[rows, :1]
+    q = chosen.q[rows]
+    points = np.ascontiguousarray(chosen.points[rows, :1])
+    bound = chosen.bound[rows, :1]
+    reachable = chosen.reachable[rows, :1]
     return PointSet(q, points, fine.query(points, q), bound, reachable)

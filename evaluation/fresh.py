@@ -1,7 +1,7 @@
 """What `--fresh` clears away: whatever was not made by the very sources that run now.
 
-So a fresh run that was stopped goes on where it was, and nothing that an older version has left is taken.
-With `--fresh-evaluations` plans, agents and trained fields stay, whoever has made them.
+So a fresh run that was stopped goes on where it was, and nothing that an older version has left is
+taken. With `--fresh-evaluations` plans, agents and trained fields stay, whoever has made them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ MAKING = ("plan", "train")  # work that makes what other work evaluates
 
 
 def clear(out: Path, study: str, evaluations_only: bool = False) -> int:
-    """Remove the records of a study, and its plans, agents and fields, that other sources have made.
+    """Remove the records of a study, and its plans, agents and fields, that other sources have
+    made.
 
     Args:
         out: folder of all studies.
@@ -32,7 +33,9 @@ def clear(out: Path, study: str, evaluations_only: bool = False) -> int:
     path = out / study / RECORDS
     records = read_records(path)
     stays = MAKING if evaluations_only else ()
-    kept = [record for record in records if _is_current(record) or record["spec"].get("work") in stays]
+    kept = [
+        record for record in records if _is_current(record) or record["spec"].get("work") in stays
+    ]
     if len(kept) < len(records):
         replace_records(path, kept)
     _clear_caches(out, ("rollouts",) if evaluations_only else ("plans", "rollouts"))
@@ -57,7 +60,9 @@ def _is_current(record: Record) -> bool:
 
 
 def _clear_caches(out: Path, names: Sequence[str]) -> None:
-    """Plans or rollouts that studies share, unless a record made by these sources vouches for them."""
+    """Plans or rollouts that studies share, unless a record made by these sources vouches
+    for them.
+    """
     vouched = set()
     for path in out.glob(f"*/{RECORDS}"):
         for record in filter(_is_current, read_records(path)):

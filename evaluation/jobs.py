@@ -1,9 +1,10 @@
 """Work that fans out: one function over JSON specs and integer seeds, never over live envs.
 
 The function is importable and called as `function(spec, seed, context)`, in this process or in
-workers; what it returns is JSON. So the same call runs on one core, on all cores (joblib's loky), on
-whatever backend `joblib.parallel_config` has set (Dask), or on anything with `submit`
-(concurrent.futures, and the engines of `evaluation.engines`), and the results are the same everywhere.
+workers; what it returns is JSON. So the same call runs on one core, on all cores (joblib's loky),
+on whatever backend `joblib.parallel_config` has set (Dask), or on anything with `submit`
+(concurrent.futures, and the engines of `evaluation.engines`), and the results are the same
+everywhere.
 """
 
 from __future__ import annotations
@@ -66,7 +67,9 @@ class Work:
 
 def function_name(function: str | Callable) -> str:
     """`module:function` of a function that workers can import."""
-    return function if isinstance(function, str) else f"{function.__module__}:{function.__qualname__}"
+    return (
+        function if isinstance(function, str) else f"{function.__module__}:{function.__qualname__}"
+    )
 
 
 def resolve(name: str) -> Callable[..., Any]:
@@ -82,7 +85,9 @@ def resolve(name: str) -> Callable[..., Any]:
         raise UnknownNameError("function", name, ["module:function"]) from error
 
 
-def call(name: str, spec: Mapping[str, Any], seed: int, context: Context) -> tuple[Any, float, dict[str, Any]]:
+def call(
+    name: str, spec: Mapping[str, Any], seed: int, context: Context
+) -> tuple[Any, float, dict[str, Any]]:
     """Do one piece of work; this is what workers run.
 
     Args:
@@ -92,8 +97,8 @@ def call(name: str, spec: Mapping[str, Any], seed: int, context: Context) -> tup
         context: what it is told beside that.
 
     Returns:
-        The result, the seconds it took, and the sources of this very process: a worker that is begun
-        while the tree is edited has others than the process that began it.
+        The result, the seconds it took, and the sources of this very process: a worker that is
+        begun while the tree is edited has others than the process that began it.
     """
     here = provenance.source()
     function = resolve(name)
@@ -112,10 +117,10 @@ def run_jobs(
         works: what to do.
         jobs: 1 for a plain loop in this process, which leaves all threads to each piece of work;
             more for that many joblib workers with one thread each; or an executor: its
-            `submit(function, *args)` returns something with `done()` and `result()`, and it is handed
-            no more than `limit` pieces at once, if it has this attribute.
-        context: for every piece of work; workers get one thread and no progress bar, and the folder as
-            an absolute path, since they may run elsewhere.
+            `submit(function, *args)` returns something with `done()` and `result()`, and it is
+            handed no more than `limit` pieces at once, if it has this attribute.
+        context: for every piece of work; workers get one thread and no progress bar, and the folder
+            as an absolute path, since they may run elsewhere.
 
     Yields:
         Each piece of work with its result and seconds, as they arrive.
@@ -131,15 +136,20 @@ def run_jobs(
 Done = tuple[Work, Any, float, dict[str, Any]]  # with what `call` returns
 
 
-def _done(function: str | Callable, works: Sequence[Work], jobs: Any, context: Context | None) -> Iterator[Done]:
+def _done(
+    function: str | Callable, works: Sequence[Work], jobs: Any, context: Context | None
+) -> Iterator[Done]:
     """`run_jobs`, with the sources of the process that did each piece."""
-    name, context = function_name(function), context or Context()
+    name = function_name(function)
+    context = context or Context()
     folder = os.path.abspath(context.folder) if context.folder else ""
     alone = replace(context, folder=folder, threads=1, progress=False)
     if hasattr(jobs, "submit"):
         yield from _run_submitted(name, works, jobs, alone)
     elif not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
-        raise InvalidParameterError(f"jobs must be a whole number of at least 1 or have `submit`, got {jobs!r}")
+        raise InvalidParameterError(
+            f"jobs must be a whole number of at least 1 or have `submit`, got {jobs!r}"
+        )
     elif jobs == 1:
         for work in works:
             yield work, *call(name, work.spec, work.seed, context)
@@ -153,8 +163,11 @@ def say(text: str) -> None:
 
 
 def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -> Iterator[Done]:
-    """What is left is begun anew with new workers when one of them was killed, for instance for its memory."""
-    left, losses = dict(enumerate(works)), 0
+    """What is left is begun anew with new workers when one of them was killed, for instance for its
+    memory.
+    """
+    left = dict(enumerate(works))
+    losses = 0
     while left:
         try:
             for index, *answer in _joblib_results(name, left, jobs, context):
@@ -164,7 +177,8 @@ def _run_joblib(name: str, works: Sequence[Work], jobs: int, context: Context) -
             losses += 1
             if losses > RETRIES:
                 raise EngineError(
-                    f"a worker was lost {losses} times in a row and nothing got done; if memory is short, take "
+                    f"a worker was lost {losses} times in a row and nothing got done; if memory "
+                    f"is short, take "
                     "fewer jobs. What is recorded is kept: run the same again to go on"
                 ) from error
             say(f"a worker was lost; what is left is begun anew ({losses} of {RETRIES})")
@@ -174,7 +188,9 @@ def _indexed_call(index: int, *arguments: Any) -> tuple[Any, ...]:
     return index, *call(*arguments)
 
 
-def _joblib_results(name: str, works: Mapping[int, Work], jobs: int, context: Context) -> Iterator[tuple[Any, ...]]:
+def _joblib_results(
+    name: str, works: Mapping[int, Work], jobs: int, context: Context
+) -> Iterator[tuple[Any, ...]]:
     import joblib
 
     delayed = joblib.delayed(_indexed_call)
@@ -182,15 +198,19 @@ def _joblib_results(name: str, works: Mapping[int, Work], jobs: int, context: Co
     try:
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
         pieces = [calls]
-    except ValueError:  # this backend hands back nothing before everything is done: give it little at a time
+    # this backend hands back nothing before everything is done: give it little at a time
+    except ValueError:
         parallel = joblib.Parallel(n_jobs=jobs, batch_size=1)
         pieces = [calls[lo : lo + jobs] for lo in range(0, len(calls), jobs)]
     for piece in pieces:
         yield from parallel(piece)
 
 
-def _run_submitted(name: str, works: Sequence[Work], executor: Any, context: Context) -> Iterator[Done]:
-    limit, todo = getattr(executor, "limit", len(works)), iter(works)
+def _run_submitted(
+    name: str, works: Sequence[Work], executor: Any, context: Context
+) -> Iterator[Done]:
+    limit = getattr(executor, "limit", len(works))
+    todo = iter(works)
     waiting: dict[Any, Work] = {}
     while True:
         for work in islice(todo, limit - len(waiting)):
@@ -225,11 +245,16 @@ def run_recorded(
         The records of `works`, in their order; those that `evaluation.reuse` keeps as committed are
         taken from there, without a trace in the file.
     """
-    ledger, labels = current_ledger(), {work.key: work.label for work in works}
+    ledger = current_ledger()
+    labels = {work.key: work.label for work in works}
     with RecordFile(path) as file:
         todo = {}
         for work in works:
-            kind, kept = ("earlier", file.records) if work.key in file.records else ("taken", ledger.committed)
+            kind, kept = (
+                ("earlier", file.records)
+                if work.key in file.records
+                else ("taken", ledger.committed)
+            )
             if work.key in kept:
                 ledger.note(work.key, work.label, kind, kept[work.key])
             else:
@@ -242,7 +267,9 @@ def run_recorded(
             delay=0.5,
         )
         with bar:
-            for work, result, seconds, made_by in _done(function, list(todo.values()), jobs, context):
+            for work, result, seconds, made_by in _done(
+                function, list(todo.values()), jobs, context
+            ):
                 file.append(make_record(work.spec, work.seed, result, seconds, made_by))
                 ledger.note(work.key, work.label, "done", file.records[work.key])
                 bar.set_postfix_str(work.label)

@@ -38,7 +38,9 @@ def wilson_interval(successes: int, n: int, confidence: float = CONFIDENCE) -> I
         InvalidParameterError: unless 0 <= successes <= n and n >= 1.
     """
     if not 0 <= successes <= n or n < 1:
-        raise InvalidParameterError(f"an interval needs 0 <= successes <= n and n >= 1, got {successes} of {n}")
+        raise InvalidParameterError(
+            f"an interval needs 0 <= successes <= n and n >= 1, got {successes} of {n}"
+        )
     z = float(ndtri(0.5 + confidence / 2))
     rate = successes / n
     centre = (rate + z * z / (2 * n)) / (1 + z * z / n)
@@ -65,7 +67,9 @@ def bootstrap_interval(values: Any, confidence: float = CONFIDENCE, seed: int = 
     """
     values = np.asarray(values, dtype=float)
     if values.ndim != 1 or len(values) == 0:
-        raise InvalidParameterError(f"a bootstrap needs at least one value, got shape {values.shape}")
+        raise InvalidParameterError(
+            f"a bootstrap needs at least one value, got shape {values.shape}"
+        )
     draws = np.random.default_rng(seed).integers(len(values), size=(RESAMPLES, len(values)))
     means = values[draws].mean(axis=1)  # (RESAMPLES,)
     low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
@@ -77,7 +81,8 @@ def max_deviation(pose: np.ndarray, nominal: np.ndarray) -> np.ndarray:
 
     Args:
         pose: shape (B, N + 1, 3) or (B, N + 1, 2), m.
-        nominal: one for all or one for each, shape (N + 1, 3) or (B, N + 1, 3), or 2 instead of 3, m.
+        nominal: one for all or one for each, shape (N + 1, 3) or (B, N + 1, 3), or 2 instead of 3,
+            m.
 
     Returns:
         Shape (B,), m.
@@ -86,7 +91,9 @@ def max_deviation(pose: np.ndarray, nominal: np.ndarray) -> np.ndarray:
     return np.hypot(offset[..., 0], offset[..., 1]).max(axis=-1)
 
 
-def coverage(pose: np.ndarray, reference: np.ndarray, radius: float = COVERAGE_RADIUS) -> np.ndarray:
+def coverage(
+    pose: np.ndarray, reference: np.ndarray, radius: float = COVERAGE_RADIUS
+) -> np.ndarray:
     """Share of the reference's points that the object comes near to at any time.
 
     Args:
@@ -112,12 +119,14 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
 
     Returns:
         JSON values: executions and episodes; successes among the distinct executions, with rate and
-        Wilson interval; how many of them diverged; mean and standard deviation over the executions of
-        d2g and goal distance (m); and means over executions and time of the arm's distances (m), the tracking error (m;
-        None without a reference), the caging (None without a field) and each link's contact.
+        Wilson interval; how many of them diverged; mean and standard deviation over the executions
+        of d2g and goal distance (m); and means over executions and time of the arm's distances (m),
+        the tracking error (m; None without a reference), the caging (None without a field) and each
+        link's contact.
     """
     kept = evaluation.distinct
-    n, successes = len(kept), int(evaluation.success[kept].sum())
+    n = len(kept)
+    successes = int(evaluation.success[kept].sum())
     rate, low, high = wilson_interval(successes, n)
     final = evaluation.goal_distance[kept, -1]
     caging = None if evaluation.caging is None else evaluation.caging[kept, 1:]
@@ -140,5 +149,7 @@ def summarise(evaluation: Evaluation) -> dict[str, Any]:
         "tracking_error": float(error.mean()) if error.any() else None,
         "mean_caging": None if caging is None else float(caging.mean()),
         "final_caging": None if caging is None else float(caging[:, -1].mean()),
-        "contact_fraction": [float(share) for share in evaluation.contact_fraction[kept].mean(axis=0)],
+        "contact_fraction": [
+            float(share) for share in evaluation.contact_fraction[kept].mean(axis=0)
+        ],
     }

@@ -31,8 +31,8 @@ class Evaluation:
         q_r: joint positions, shape (B, N + 1, n), rad or m.
         success: whether the episode counts as a success, shape (B,).
         d2g: distance to the goal region after the last step, shape (B,), m.
-        diverged: whether the simulation became unstable, shape (B,); from then on all arrays hold their
-            last good entries.
+        diverged: whether the simulation became unstable, shape (B,); from then on all arrays hold
+            their last good entries.
         every: steps between two entries of the time axis, 1 unless read from a thinned file.
     """
 
@@ -57,7 +57,9 @@ class Evaluation:
 
     @property
     def distinct(self) -> np.ndarray:
-        """The episodes that are distinct executions: of those that did the same, the first; shape (n,)."""
+        """The episodes that are distinct executions: of those that did the same, the first; shape
+        (n,).
+        """
         states = np.concatenate([self.pose, self.q_r], axis=2)  # (B, N + 1, 3 + n)
         first = {states[i].tobytes(): i for i in reversed(range(len(states)))}
         return np.array(sorted(first.values()))
@@ -72,8 +74,14 @@ class Evaluation:
         if self.every == 1:
             return self
         steps = np.arange((self.goal_distance.shape[1] - 1) * self.every + 1)  # (N + 1,)
-        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray) and value.ndim > 1}
-        full: dict[str, Any] = {name: _between(value, steps / self.every) for name, value in arrays.items()}
+        arrays = {
+            name: value
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and value.ndim > 1
+        }
+        full: dict[str, Any] = {
+            name: _between(value, steps / self.every) for name, value in arrays.items()
+        }
         return replace(self, every=1, **full)
 
     def save(self, path: str | os.PathLike, every: int = 1) -> Path:
@@ -88,8 +96,12 @@ class Evaluation:
         """
         target = Path(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        thinned = arrays if every == 1 else {name: _thin(value, every) for name, value in arrays.items()}
+        arrays = {
+            name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
+        thinned = (
+            arrays if every == 1 else {name: _thin(value, every) for name, value in arrays.items()}
+        )
         meta = json.dumps({"spec": self.spec, "every": self.every * every}, sort_keys=True)
         temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         with open(temporary, "wb") as file:

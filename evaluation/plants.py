@@ -1,4 +1,6 @@
-"""Which environment a policy is judged in: its own task and model unless told otherwise, and what is then in force."""
+"""Which environment a policy is judged in: its own task and model unless told otherwise, and what
+is then in force.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,11 @@ PLANTS = {
 }
 NOT_IN_SPEC = ("threads", "render_mode", "renderer")  # keyword arguments that change no result
 _USUAL = {  # left out of a line about a plant where it is so
-    **{name: value for name, value in vars(PlantParams()).items() if name not in ("dynamics", "object", "friction")},
+    **{
+        name: value
+        for name, value in vars(PlantParams()).items()
+        if name not in ("dynamics", "object", "friction")
+    },
     "preset": "default",
     "noise_entry": "qp",
     "start_noise": [0.0, 0.0],
@@ -45,7 +51,9 @@ def as_policy(policy: Any) -> Any:
         InvalidParameterError: for anything else.
     """
     if isinstance(policy, gym.Env | gym.vector.VectorEnv):
-        raise InvalidParameterError(f"the policy comes first, and then an id: got the environment {policy!r}")
+        raise InvalidParameterError(
+            f"the policy comes first, and then an id: got the environment {policy!r}"
+        )
     if not isinstance(policy, type):
         if hasattr(policy, "predict"):
             return policy
@@ -55,8 +63,10 @@ def as_policy(policy: Any) -> Any:
         if callable(policy):
             return policy
     raise InvalidParameterError(
-        "a policy has a method `predict`, or is a function from observations to actions, or a plan, or an agent; "
-        f"got {policy!r}" + (": load it first, by Plan.load or Agent.load" if isinstance(policy, str) else "")
+        "a policy has a method `predict`, or is a function from observations to actions, or a "
+        "plan, or an agent; "
+        f"got {policy!r}"
+        + (": load it first, by Plan.load or Agent.load" if isinstance(policy, str) else "")
     )
 
 
@@ -87,7 +97,8 @@ def chosen_id(source: Any, env_id: Any) -> str:
     """
     if env_id is None and source is None:
         raise InvalidParameterError(
-            f"env_id is needed, since this policy says of no environment that it is for; known: {', '.join(MOTIONS)}"
+            f"env_id is needed, since this policy says of no environment that it is for; known: "
+            f"{', '.join(MOTIONS)}"
         )
     chosen = source.env_id if env_id is None else env_id
     check_motion(chosen)
@@ -96,7 +107,9 @@ def chosen_id(source: Any, env_id: Any) -> str:
     return chosen
 
 
-def base_kwargs(source: Any, plant: str = "own", env_kwargs: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def base_kwargs(
+    source: Any, plant: str = "own", env_kwargs: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """Keyword arguments of the environment before any protocol changes them.
 
     Args:
@@ -113,7 +126,9 @@ def base_kwargs(source: Any, plant: str = "own", env_kwargs: Mapping[str, Any] |
     check_name("plant", plant, PLANTS)
     if source is None or plant == "given":
         return dict(env_kwargs or {})
-    taken = {"own": "model_kwargs", "disturbed": "disturbed_kwargs", "default": "task_kwargs"}[plant]
+    taken = {"own": "model_kwargs", "disturbed": "disturbed_kwargs", "default": "task_kwargs"}[
+        plant
+    ]
     return laid_over(getattr(source, taken), env_kwargs or {})
 
 
@@ -128,7 +143,9 @@ def bare_config(env_id: str, env_kwargs: Mapping[str, Any]) -> EnvConfig:
         The configuration.
     """
     kwargs = {**env_kwargs, "escape_field": None, "prior": None, "adversary": 0.0}
-    kwargs["randomize"] = {k: v for k, v in (env_kwargs.get("randomize") or {}).items() if k != "adversary"}
+    kwargs["randomize"] = {
+        k: v for k, v in (env_kwargs.get("randomize") or {}).items() if k != "adversary"
+    }
     return make_config(env_id, **kwargs)
 
 
@@ -152,8 +169,10 @@ def check_suits(protocol: Protocol, env_id: str, env_kwargs: Mapping[str, Any]) 
     meant = sorted({family(name) for name in protocol.objects})
     fitting = [row.name for row in PROTOCOLS.values() if row.objects and row.suits(here)]
     raise InvalidParameterError(
-        f"protocol {protocol.name!r} puts {', '.join(protocol.objects)} in the place of {', '.join(meant)}, but the "
-        f"object of {env_id!r} is {config.object}; protocols with objects for it: {', '.join(fitting) or 'none'}, "
+        f"protocol {protocol.name!r} puts {', '.join(protocol.objects)} in the place of "
+        f"{', '.join(meant)}, but the "
+        f"object of {env_id!r} is {config.object}; protocols with objects for it: "
+        f"{', '.join(fitting) or 'none'}, "
         "and all that name no object"
     )
 
@@ -195,7 +214,9 @@ def plant_line(plant: Mapping[str, Any]) -> str:
     said = [f"{plant['env_id'].rpartition('/')[2]}: {plant['robot']} from {plain(plant['start'])}"]
     said += [f"task {plant['task']}, goal ({x:g}, {y:g}) m", f"object {plant['object']}"]
     said += [f"friction {plant['friction']:g}", f"dynamics {plant['dynamics']}"]
-    others = [f"{name} {plain(plant[name])}" for name, usual in _USUAL.items() if plant[name] != usual]
+    others = [
+        f"{name} {plain(plant[name])}" for name, usual in _USUAL.items() if plant[name] != usual
+    ]
     return ", ".join([*said, *others])
 
 
@@ -208,7 +229,9 @@ def plant_changes(plant: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     Returns:
         Names with the other plant's values; "" if nothing differs.
     """
-    return ", ".join(f"{name} {plain(value)}" for name, value in other.items() if value != plant[name])
+    return ", ".join(
+        f"{name} {plain(value)}" for name, value in other.items() if value != plant[name]
+    )
 
 
 def plain(value: Any) -> str:

@@ -19,7 +19,8 @@ class Protocol:
         name: its key in the table.
         description: one line for people.
         params: plant parameters in which the plant departs from the env's own.
-        start_noise: bounds of the object's start around the task's (m, rad); None keeps the env's own.
+        start_noise: bounds of the object's start around the task's (m, rad); None keeps the env's
+            own.
         randomize: plant parameters that are drawn in each episode; see `EnvConfig`.
     """
 
@@ -31,15 +32,21 @@ class Protocol:
 
     @property
     def unperturbed(self) -> str:
-        """Name of the protocol that it is compared with: the same starts, or the task's, and the env's own plant."""
+        """Name of the protocol that it is compared with: the same starts, or the task's, and the
+        env's own plant.
+        """
         return "nominal-start" if self.start_noise == START_NOISE and self.params else "nominal"
 
     @property
     def with_start(self) -> Protocol:
         """The same plant from starts that are drawn around the task's."""
         position, angle = START_NOISE
-        description = f"{self.description}; starts are drawn within {position:g} m and {angle:g} rad"
-        return replace(self, name=f"{self.name}-start", description=description, start_noise=START_NOISE)
+        description = (
+            f"{self.description}; starts are drawn within {position:g} m and {angle:g} rad"
+        )
+        return replace(
+            self, name=f"{self.name}-start", description=description, start_noise=START_NOISE
+        )
 
     def env_kwargs(self, base: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Keyword arguments of the evaluated env.
@@ -73,7 +80,9 @@ class Protocol:
 
 
 def family(name: str) -> str:
-    """The object that another one is taken for, such as the circle within a square; else the object itself."""
+    """The object that another one is taken for, such as the circle within a square; else the object
+    itself.
+    """
     return TAKEN_FOR.get(name, name)
 
 
@@ -105,7 +114,10 @@ def is_random(env_kwargs: Mapping[str, Any]) -> bool:
 def _frictions() -> list[Protocol]:
     values = (0.0, 0.2, 0.25, 0.5, 0.75, 0.8, 1.0)
     return [
-        Protocol(f"friction-{mu:.2f}", f"friction between arm and object is {mu:g}", {"friction": mu}) for mu in values
+        Protocol(
+            f"friction-{mu:.2f}", f"friction between arm and object is {mu:g}", {"friction": mu}
+        )
+        for mu in values
     ]
 
 
@@ -118,13 +130,19 @@ _AROUND = {
     "paper_pack_wrapped": ("rounded box around paper_pack", "paper_pack"),
     "a4_box": ("sharp box around paper_pack", "paper_pack"),
 }
-_ROLLS = [f"a4_box_roll_{k}" for k in range(1, 5)]  # that box, and a loose roll at one of four places
-TAKEN_FOR = {name: planned for name, (_, planned) in _AROUND.items()} | dict.fromkeys(_ROLLS, "paper_pack")
+# that box, and a loose roll at one of four places
+_ROLLS = [f"a4_box_roll_{k}" for k in range(1, 5)]
+TAKEN_FOR = {name: planned for name, (_, planned) in _AROUND.items()} | dict.fromkeys(
+    _ROLLS, "paper_pack"
+)
 
 
 def _shapes() -> list[Protocol]:
     shapes = {name: shape for name, (shape, _) in _AROUND.items()}
-    return [Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name}) for name, shape in shapes.items()]
+    return [
+        Protocol(f"shape-{name}", f"the object is the {shape}", {"object": name})
+        for name, shape in shapes.items()
+    ]
 
 
 def _disturbances() -> list[Protocol]:
@@ -166,7 +184,11 @@ def _sim_to_real() -> list[Protocol]:
     says = "under MuJoCo with friction, mass, delay and start drawn"
     return [
         Protocol(
-            f"sim-to-real-{name}", f"{what}, {says}", {"dynamics": "mujoco", **params}, _PLACED, {**_REAL, **drawn}
+            f"sim-to-real-{name}",
+            f"{what}, {says}",
+            {"dynamics": "mujoco", **params},
+            _PLACED,
+            {**_REAL, **drawn},
         )
         for name, (what, params, drawn) in kinds.items()
     ]
@@ -178,8 +200,14 @@ _ROWS = (
     *_shapes(),
     Protocol("dynamics-mujoco", "second-order contact dynamics, by MuJoCo", {"dynamics": "mujoco"}),
     *_disturbances(),
-    Protocol("adversary", "the object flees down the escape-time field at u_bar", {"adversary": 1.0}),
-    Protocol("combined", "MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once", _COMBINED),
+    Protocol(
+        "adversary", "the object flees down the escape-time field at u_bar", {"adversary": 1.0}
+    ),
+    Protocol(
+        "combined",
+        "MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once",
+        _COMBINED,
+    ),
 )
 
 PROTOCOLS = {protocol.name: protocol for row in _ROWS for protocol in (row, row.with_start)} | {

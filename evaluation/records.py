@@ -3,7 +3,8 @@
 A line is written with one call and forced to the disk before the next begins, so that a kill can
 cut off the last line alone; the next run drops that line and does its work again. The lock of an
 open file keeps a second run out, and the key of a record lets no piece of work in twice. Files of
-several machines are merged by putting one behind the other: of records with one key the first counts.
+several machines are merged by putting one behind the other: of records with one key the first
+counts.
 """
 
 from __future__ import annotations
@@ -87,7 +88,11 @@ def work_key(spec: Mapping[str, Any], seed: int) -> str:
 
 
 def make_record(
-    spec: Mapping[str, Any], seed: int, result: Any, seconds: float, source: Mapping[str, Any] | None = None
+    spec: Mapping[str, Any],
+    seed: int,
+    result: Any,
+    seconds: float,
+    source: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The record of a piece of work that is done.
 
@@ -96,7 +101,8 @@ def make_record(
         seed: its seed.
         result: what came out, JSON values and NumPy arrays.
         seconds: how long it took.
-        source: the sources of the process that did it (`piec_envs.provenance.source`); None is this process.
+        source: the sources of the process that did it (`piec_envs.provenance.source`); None is this
+            process.
 
     Returns:
         The record, JSON values alone.
@@ -141,11 +147,18 @@ def _parse(path: Path, data: bytes) -> tuple[list[dict[str, Any]], int]:
             record = _loads(line)
         except ValueError as error:
             raise RecordError(f"{path}, line {number}, is no JSON: {line[:40]!r}...") from error
-        if not isinstance(record, dict) or record.get("format") != FORMAT or any(n not in record for n in _FIELDS):
-            raise RecordError(f"{path}, line {number}, is no record of format {FORMAT}: {line[:40]!r}...")
+        if (
+            not isinstance(record, dict)
+            or record.get("format") != FORMAT
+            or any(n not in record for n in _FIELDS)
+        ):
+            raise RecordError(
+                f"{path}, line {number}, is no record of format {FORMAT}: {line[:40]!r}..."
+            )
         if record["key"] != work_key(record["spec"], record["seed"]):
             raise RecordError(
-                f"{path}, line {number}: its key {record['key']!r} is not that of its spec and seed, so one of "
+                f"{path}, line {number}: its key {record['key']!r} is not that of its spec and "
+                f"seed, so one of "
                 "them was edited"
             )
         records.setdefault(record["key"], from_json(record))
@@ -153,7 +166,9 @@ def _parse(path: Path, data: bytes) -> tuple[list[dict[str, Any]], int]:
 
 
 def _loads(line: bytes) -> Any:
-    """A line; if the file before had its last line cut off when they were merged, what comes behind that."""
+    """A line; if the file before had its last line cut off when they were merged, what comes behind
+    that.
+    """
     try:
         return json.loads(line)
     except ValueError:
@@ -164,7 +179,8 @@ def _loads(line: bytes) -> Any:
 
 
 def read_records(path: str | os.PathLike) -> list[dict[str, Any]]:
-    """All records of a file, each key once, without a last line that was cut off; none if there is no file.
+    """All records of a file, each key once, without a last line that was cut off; none if there is
+    no file.
 
     Raises:
         RecordError: if the file is no record file.
@@ -249,6 +265,9 @@ class RecordFile:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._file.close()

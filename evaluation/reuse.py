@@ -1,7 +1,9 @@
-"""What a run of a study takes from committed results, what it does itself, and what `--fresh` clears away.
+"""What a run of a study takes from committed results, what it does itself, and what `--fresh`
+clears away.
 
-Committed results are those of the clone that the packages lie in, as git has them: what was edited since
-does not count as committed. Nothing is written there unless the run's own folder is that very folder.
+Committed results are those of the clone that the packages lie in, as git has them: what was edited
+since does not count as committed. Nothing is written there unless the run's own folder is that very
+folder.
 """
 
 from __future__ import annotations
@@ -78,7 +80,9 @@ def keeping(ledger: Ledger) -> Iterator[Ledger]:
 
 
 def committed_folder() -> Path | None:
-    """The folder `results` of the clone that this package lies in; None for an installed package."""
+    """The folder `results` of the clone that this package lies in; None for an installed
+    package.
+    """
     folder = Path(__file__).resolve().parents[1] / "results"
     return folder if folder.is_dir() else None
 
@@ -90,7 +94,8 @@ def committed_records(folder: Path) -> tuple[dict[str, Record], str]:
         folder: of the study, inside the committed results.
 
     Returns:
-        The records by key, and what must be said about them: that the file was edited since; else "".
+        The records by key, and what must be said about them: that the file was edited since; else
+        "".
     """
     path = folder / RECORDS
     text = provenance.git_answer(folder, "show", f"HEAD:./{RECORDS}") if folder.is_dir() else None
@@ -103,14 +108,17 @@ def committed_records(folder: Path) -> tuple[dict[str, Record], str]:
 
 
 def bring_files(committed: Path, out: Path, study: str) -> None:
-    """Copy plans, trained agents and trained fields that a study needs, where its folder lacks them.
+    """Copy plans, trained agents and trained fields that a study needs, where its folder lacks
+    them.
 
     Args:
         committed: folder of the committed studies.
         out: folder of the run's studies.
         study: name of the study.
     """
-    plans = list((committed / study / "plans").glob("*.npz")) or list(committed.glob("*/plans/*.npz"))
+    plans = list((committed / study / "plans").glob("*.npz")) or list(
+        committed.glob("*/plans/*.npz")
+    )
     for source in plans:
         _copy(source, out / "plans" / source.name)
     for source in (committed / study / "fields").glob("*"):
@@ -132,7 +140,9 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def origins(records: Iterable[Record]) -> str:
-    """Which commits records come from, such as "commit 0123456789 (30), sources not noted then (7)"."""
+    """Which commits records come from, such as "commit 0123456789 (30), sources not noted then
+    (7)".
+    """
     counts = Counter(commit_of(record) for record in records)
     if len(counts) == 1:
         return next(iter(counts))

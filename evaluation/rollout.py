@@ -32,44 +32,49 @@ def evaluate(
 ) -> Evaluation:
     """Run a policy for a number of episodes under a protocol.
 
-    A plan or an agent is judged by what it was made for: its goal, object, start and nominal model. On
-    that lie `env_kwargs`, and on these the protocol. `spec["env_kwargs"]` of the result says what was in force.
+    A plan or an agent is judged by what it was made for: its goal, object, start and nominal model.
+    On that lie `env_kwargs`, and on these the protocol. `spec["env_kwargs"]` of the result says
+    what was in force.
 
     Episode i has seed + i and does not depend on the others. Where neither the protocol nor the
     env draws anything, a policy with `predict` does the same in every episode, so one is run.
     An episode whose simulation becomes unstable has failed, and stays where it was last stable.
 
     Args:
-        policy: a `Plan` or an `Agent`, or anything with Stable-Baselines3's `predict` (an `OpenLoopPolicy`,
-            an `AgentPolicy`, an SB3 model), or a function from a batch of observations to a batch of actions.
+        policy: a `Plan` or an `Agent`, or anything with Stable-Baselines3's `predict` (an
+            `OpenLoopPolicy`, an `AgentPolicy`, an SB3 model), or a function from a batch of
+            observations to a batch of actions.
         env_id: id of the environment; None takes that of the plan or the agent.
         protocol: name of the protocol.
         episodes: how many episodes.
         seed: seed of the first.
         env_kwargs: keyword arguments of the environment, which the protocol overrides.
         progress: whether to show a progress bar.
-        plant: what `env_kwargs` override: "own" (the task and the nominal model that the plan or the agent was
-            made for), "disturbed" (these, with what was drawn, displaced or fled while it was made), "default" (its
-            task, and the env's default plant) or "given" (nothing of it).
+        plant: what `env_kwargs` override: "own" (the task and the nominal model that the plan or
+            the agent was made for), "disturbed" (these, with what was drawn, displaced or fled
+            while it was made), "default" (its task, and the env's default plant) or "given"
+            (nothing of it).
 
     Returns:
         Arrays over episodes and time.
 
     Raises:
         UnknownNameError: for an unknown id, protocol, plant or keyword argument.
-        InvalidParameterError: for a bad number of episodes, a policy that is none, an environment object
-            instead of its id, or a protocol about an object of another robot.
+        InvalidParameterError: for a bad number of episodes, a policy that is none, an environment
+            object instead of its id, or a protocol about an object of another robot.
         PlanError: if the policy executes a plan for another id, robot or joints.
         AgentError: if it executes an agent trained on another id, or on other observations.
     """
     policy = as_policy(policy)
     source = source_of(policy)
     env_id = chosen_id(source, env_id)
-    episodes, seed = as_count("episodes", episodes), as_count("seed", seed, least=0)
+    episodes = as_count("episodes", episodes)
+    seed = as_count("seed", seed, least=0)
     for name in ("num_envs", "max_episode_steps", "autoreset_mode", "action_repeat"):
         if name in (env_kwargs or {}):
             raise InvalidParameterError(
-                f"{name!r} is decided by evaluate: one whole episode in each row, an action in each control step"
+                f"{name!r} is decided by evaluate: one whole episode in each row, an action in "
+                f"each control step"
             )
     base = base_kwargs(source, plant, env_kwargs)
     check_suits(get_protocol(protocol), env_id, base)
@@ -86,16 +91,22 @@ def evaluate(
     return Evaluation(spec=spec, **_run(policy, spec, kwargs, progress))
 
 
-def _run(policy: Any, spec: Mapping[str, Any], kwargs: Mapping[str, Any], progress: bool) -> dict[str, Any]:
+def _run(
+    policy: Any, spec: Mapping[str, Any], kwargs: Mapping[str, Any], progress: bool
+) -> dict[str, Any]:
     """The episodes of a spec, batch by batch; the arrays of an `Evaluation`."""
-    predict, episodes, pieces = _predict_of(policy), spec["episodes"], []
+    predict = _predict_of(policy)
+    episodes = spec["episodes"]
+    pieces = []
     for lo in range(0, episodes, MAX_ROWS):
         seeds = list(range(spec["seed"] + lo, spec["seed"] + min(lo + MAX_ROWS, episodes)))
         envs = gym.make_vec(spec["env_id"], num_envs=len(seeds), **kwargs)
         check_fit(policy, spec["env_id"], envs)
         label = f"{spec['protocol']}, episodes {lo + 1} to {lo + len(seeds)} of {episodes}"
         pieces.append(_run_rows(envs, predict, seeds, label if progress else ""))
-    joined: dict[str, Any] = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    joined: dict[str, Any] = {
+        name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]
+    }
     return {"caging": None} | joined
 
 
@@ -145,10 +156,16 @@ def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict
     observation, info = envs.reset(seed=seeds)
     arrays = _blank(envs, info, steps)
     _write(arrays, envs, info, 0)
-    state, first = None, np.ones(len(seeds), dtype=bool)
+    state = None
+    first = np.ones(len(seeds), dtype=bool)
     diverged = np.zeros(len(seeds), dtype=bool)
     for t in tqdm(
-        range(1, steps + 1), desc=label, unit="step", disable=console.no_bar(bool(label)), delay=1.0, leave=False
+        range(1, steps + 1),
+        desc=label,
+        unit="step",
+        disable=console.no_bar(bool(label)),
+        delay=1.0,
+        leave=False,
     ):
         action, state = predict(observation, state=state, episode_start=first, deterministic=True)
         observation, _, _, _, info = envs.step(np.asarray(action))
@@ -162,7 +179,8 @@ def _run_rows(envs: Any, predict: Predict, seeds: list[int], label: str) -> dict
 
 def _blank(envs: Any, info: Mapping[str, np.ndarray], steps: int) -> dict[str, np.ndarray]:
     """Arrays for the start and each step, by name."""
-    rows, times = envs.num_envs, steps + 1
+    rows = envs.num_envs
+    times = steps + 1
     arrays = {name: np.empty((rows, times)) for name in _MEASURED}
     if "caging" in info:
         arrays["caging"] = np.empty((rows, times))
@@ -172,7 +190,9 @@ def _blank(envs: Any, info: Mapping[str, np.ndarray], steps: int) -> dict[str, n
     return arrays
 
 
-def _write(arrays: dict[str, np.ndarray], envs: Any, info: Mapping[str, np.ndarray], t: int) -> None:
+def _write(
+    arrays: dict[str, np.ndarray], envs: Any, info: Mapping[str, np.ndarray], t: int
+) -> None:
     """Note down the present of all rows at time index t."""
     for name in _MEASURED:
         arrays[name][:, t] = info.get(name, 0.0)  # without a reference there is no tracking error

@@ -1,4 +1,6 @@
-"""How wrong a simplified object is about contacts: where its surface lies, and which way it faces."""
+"""How wrong a simplified object is about contacts: where its surface lies, and which way it
+faces.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +38,15 @@ class ShapeMismatch:
 
     @property
     def worst_normal_error(self) -> tuple[float, np.ndarray]:
-        """The largest normal error (rad), and the directions in which it occurs, shape (k,), rad."""
+        """The largest normal error (rad), and the directions in which it occurs, shape
+        (k,), rad.
+        """
         return _worst(self.normal_error, self.directions)
 
 
-def shape_mismatch(planned: Sequence[RoundedPolygon], true: Sequence[RoundedPolygon]) -> ShapeMismatch:
+def shape_mismatch(
+    planned: Sequence[RoundedPolygon], true: Sequence[RoundedPolygon]
+) -> ShapeMismatch:
     """Compare two objects in every direction from their common origin.
 
     Args:
@@ -57,16 +63,21 @@ def shape_mismatch(planned: Sequence[RoundedPolygon], true: Sequence[RoundedPoly
     reach, normal = trace_surface(planned, directions)
     true_reach, true_normal = trace_surface(true, directions)
     turn = np.arctan2(
-        normal[:, 0] * true_normal[:, 1] - normal[:, 1] * true_normal[:, 0], (normal * true_normal).sum(axis=1)
+        normal[:, 0] * true_normal[:, 1] - normal[:, 1] * true_normal[:, 0],
+        (normal * true_normal).sum(axis=1),
     )
     mismatch = ShapeMismatch(directions, np.abs(true_reach - reach), np.abs(turn))
     if np.isnan(mismatch.displacement).all():
-        raise InvalidShapeError("the two objects have no direction from their origin in which both have a surface")
+        raise InvalidShapeError(
+            "the two objects have no direction from their origin in which both have a surface"
+        )
     return mismatch
 
 
 def _directions(shapes: Sequence[RoundedPolygon]) -> np.ndarray:
-    """Evenly spaced angles, and the corners of all shapes with both of their sides, in [0, 2 pi), rad."""
+    """Evenly spaced angles, and the corners of all shapes with both of their sides, in [0, 2 pi),
+    rad.
+    """
     even = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     corners = np.concatenate([shape.vertices for shape in shapes])  # (V, 2)
     angles = np.arctan2(corners[:, 1], corners[:, 0])

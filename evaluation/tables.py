@@ -85,7 +85,9 @@ def columns_of(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
-def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = "", above: str = "") -> str:
+def markdown(
+    rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = "", above: str = ""
+) -> str:
     """Rows as a Markdown table with aligned columns.
 
     Args:
@@ -101,15 +103,19 @@ def markdown(rows: Sequence[Mapping[str, Any]], title: str = "", notes: str = ""
     body = [[cell(row.get(name)).replace("|", "\\|") for name in names] for row in rows]
     widths = [max(len(line[i]) for line in (names, *body)) for i in range(len(names))]
     ruler = ["-" * width for width in widths]
-    lines = ["| " + " | ".join(t.ljust(w) for t, w in zip(line, widths, strict=True)) + " |"
-             for line in (names, ruler, *body)]  # fmt: skip
+    lines = [
+        "| " + " | ".join(t.ljust(w) for t, w in zip(line, widths, strict=True)) + " |"
+        for line in (names, ruler, *body)
+    ]
     head = [f"# {title}", ""] if title else []
     between = [above.rstrip(), ""] if above else []
     return "\n".join([*head, *between, *lines, *(["", notes] if notes else [])]) + "\n"
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV with numbers in full; an interval or an estimate becomes three columns, a spread two."""
+    """Rows as CSV with numbers in full; an interval or an estimate becomes three columns, a spread
+    two.
+    """
     flat = [_flatten(row) for row in rows]
     out = io.StringIO()
     writer = csv.DictWriter(out, columns_of(flat), lineterminator="\n")

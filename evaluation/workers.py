@@ -1,4 +1,6 @@
-"""What workers of Ray and Slurm run: they check that they are the same suite, and answer with errors as values."""
+"""What workers of Ray and Slurm run: they check that they are the same suite, and answer with
+errors as values.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +17,27 @@ def installed() -> dict[str, str]:
     return {**provenance.versions(), "sources": provenance.source()["digest"]}
 
 
-def answer(expected: Mapping[str, str], function: Callable, *args: Any) -> tuple[Any, Exception | None]:
+def answer(
+    expected: Mapping[str, str], function: Callable, *args: Any
+) -> tuple[Any, Exception | None]:
     """What workers run.
 
     Args:
-        expected: `installed` where the records are written, which say that the work was done with that.
+        expected: `installed` where the records are written, which say that the work was done with
+            that.
         function: what to call.
         args: its arguments.
 
     Returns:
-        The result and None, or None and what was raised: only lost workers look like failures to an engine.
+        The result and None, or None and what was raised: only lost workers look like failures to an
+        engine.
     """
     here = installed()
-    other = [f"{name} {here[name]} instead of {expected[name]}" for name in expected if here[name] != expected[name]]
+    other = [
+        f"{name} {here[name]} instead of {expected[name]}"
+        for name in expected
+        if here[name] != expected[name]
+    ]
     if other:
         return None, EngineError(f"a worker has other versions installed: {', '.join(other)}")
     try:

@@ -21,8 +21,13 @@ def main(env_kwargs: dict, episodes: int, every: int, out: Path) -> None:
     """The control that optimises nothing: from a caged start the base moves in a straight line."""
     policy = OpenLoopPolicy(RigidCarry().plan(ENV, start="cage", **env_kwargs))
     for protocol in ("disturbance-5mm", "shape-box_212-start"):
-        found = evaluate(policy, ENV, protocol, episodes, env_kwargs={"start": "cage", **env_kwargs})
-        print(f"{protocol}: {100 * found.success.mean():.0f} % of {len(found.success)} in the goal region")
+        found = evaluate(
+            policy, ENV, protocol, episodes, env_kwargs={"start": "cage", **env_kwargs}
+        )
+        print(
+            f"{protocol}: {100 * found.success.mean():.0f} % of {len(found.success)} in the goal "
+            f"region"
+        )
     env = gym.make(ENV, start="cage", disturbance=0.005, render_mode="rgb_array", **env_kwargs)
     observation, _ = env.reset(seed=0)
     frames, done, step = [], False, 0
@@ -32,7 +37,10 @@ def main(env_kwargs: dict, episodes: int, every: int, out: Path) -> None:
         action, _ = policy.predict(observation)
         observation, _, _, done, info = env.step(action)
         step += 1
-    print(f"the object ends {info['goal_distance']:.3f} m from the goal; wrote {animation(frames, out)}")
+    print(
+        f"the object ends {info['goal_distance']:.3f} m from the goal; wrote "
+        f"{animation(frames, out)}"
+    )
 
 
 if __name__ == "__main__":
@@ -42,4 +50,9 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("runs/examples/carry.gif"))
     args = parser.parse_args()
     field = {"escape_field": None} if args.quick else {}
-    main({"geometry": args.geometry, **field}, 2 if args.quick else 100, 500 if args.quick else 20, args.out)
+    main(
+        {"geometry": args.geometry, **field},
+        2 if args.quick else 100,
+        500 if args.quick else 20,
+        args.out,
+    )

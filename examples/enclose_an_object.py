@@ -16,7 +16,9 @@ POSE = np.array([0.3, 0.1, 0.0])  # of the object: x, y, angle, m and rad
 def main(restarts: int, iterations: int) -> None:
     """Solve with the learned field, judge with the exact one."""
     problem = CagingProblem("planar_arm", "circle", POSE, make_field("network", "planar_arm"))
-    exact = CagingProblem("planar_arm", "circle", POSE, make_field("grid", "planar_arm", method="marching"))
+    exact = CagingProblem(
+        "planar_arm", "circle", POSE, make_field("grid", "planar_arm", method="marching")
+    )
     rng = np.random.default_rng(0)
     start = rng.uniform(problem.lower, problem.upper)
     for name, optimiser in (
@@ -27,7 +29,8 @@ def main(restarts: int, iterations: int) -> None:
         judged = exact.measure(found.posture[None])
         print(
             f"{name}: q = {np.round(found.posture, 2)} rad, {found.queries} queries, "
-            f"T = {found.escape_time:.0f} s (exact {judged.escape_time[0]:.0f} s), feasible: {judged.feasible[0]}"
+            f"T = {found.escape_time:.0f} s (exact {judged.escape_time[0]:.0f} s), feasible: "
+            f"{judged.feasible[0]}"
         )
 
 

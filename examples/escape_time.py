@@ -23,7 +23,10 @@ def main(resolution: int, out: Path) -> None:
     for name, field in (("exact", exact), ("learned", make_field("network", "planar_arm"))):
         times, by_point, by_joint = field.gradients(POINTS, POSTURE)
         print(f"{name}: T = {np.round(times, 1)} s")
-        print(f"  of the first point dT/dp = {np.round(by_point[0], 1)} s/m, dT/dq = {np.round(by_joint[0], 1)} s/rad")
+        print(
+            f"  of the first point dT/dp = {np.round(by_point[0], 1)} s/m, dT/dq = "
+            f"{np.round(by_joint[0], 1)} s/rad"
+        )
     path = exact.escape_path(POINTS[0], POSTURE)
     print(f"its fastest way out is {np.hypot(*np.diff(path, axis=0).T).sum():.2f} m long")
     env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=grid, render_mode="rgb_array")

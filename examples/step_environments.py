@@ -18,7 +18,10 @@ def one_episode(steps: int) -> None:
     """Sweep the arm towards the object and see how the caging changes."""
     env = gym.make(ENV, start_noise=(0.01, 0.05))
     _, info = env.reset(seed=0)
-    print(f"at the start: {info['escape_time']:.1f} s to escape, goal {info['goal_distance']:.2f} m away")
+    print(
+        f"at the start: {info['escape_time']:.1f} s to escape, goal {info['goal_distance']:.2f} "
+        f"m away"
+    )
     for _ in range(steps):
         _, _, _, _, info = env.step(np.array([1.0, 0.2, 0.2, 0.2]))
     touching = np.flatnonzero(info["contact_links"]).tolist()
@@ -26,7 +29,9 @@ def one_episode(steps: int) -> None:
 
 
 def many_rows(rows: int, steps: int) -> None:
-    """The native VectorEnv: one batch in one process, row i equal to the single env with seed + i."""
+    """The native VectorEnv: one batch in one process, row i equal to the single env with
+    seed + i.
+    """
     envs = gym.make_vec(ENV, num_envs=rows, start_noise=(0.01, 0.05))
     envs.reset(seed=0)
     rng = np.random.default_rng(0)

@@ -1,6 +1,7 @@
 """Train a small PPO agent on the native VectorEnv, and execute it closed and open loop.
 
-Run it as `python examples/train_an_agent.py`; it needs the extra `rl`. `piec train` does the same with files.
+Run it as `python examples/train_an_agent.py`; it needs the extra `rl`. `piec train` does the same
+with files.
 """
 
 import argparse
@@ -29,4 +30,9 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="an agent that has learned nothing")
     parser.add_argument("--out", type=Path, default=Path("runs/examples/ppo"))
     args = parser.parse_args()
-    main(40 if args.quick else 1_000_000, TINY if args.quick else {}, 2 if args.quick else 100, args.out)
+    main(
+        40 if args.quick else 1_000_000,
+        TINY if args.quick else {},
+        2 if args.quick else 100,
+        args.out,
+    )

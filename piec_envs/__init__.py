@@ -1,7 +1,7 @@
 """Whole-arm manipulation environments with an escape-time (caging) field.
 
-Importing this package registers the environments. `piec_envs/__init__.pyi` lists its public names; each loads what
-it needs at its first use, so that neither numba, torch nor mujoco is loaded before.
+Importing this package registers the environments. `piec_envs/__init__.pyi` lists its public names;
+each loads what it needs at its first use, so that neither numba, torch nor mujoco is loaded before.
 """
 
 import lazy_loader

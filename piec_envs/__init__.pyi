@@ -1,5 +1,7 @@
-# The front door: every public name, by topic. `__init__.py` reads this file to load each name at its first use, and
-# type checkers read it for the types, so that there is no other list. What is not here may move at any time.
+# The front door: every public name, by topic. `__init__.py` reads this file to load each name at
+# its first use, and
+# type checkers read it for the types, so that there is no other list. What is not here may move at
+# any time.
 
 __version__: str
 

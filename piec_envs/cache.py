@@ -8,7 +8,9 @@ from pathlib import Path
 
 
 def cache_folder() -> Path | None:
-    """`$PIEC_CACHE`, or a folder in the user's cache of the platform; it need not exist. None without a home."""
+    """`$PIEC_CACHE`, or a folder in the user's cache of the platform; it need not exist. None
+    without a home.
+    """
     if os.environ.get("PIEC_CACHE"):
         return Path(os.environ["PIEC_CACHE"])
     homes = {"win32": ("LOCALAPPDATA", "~/AppData/Local"), "darwin": ("", "~/Library/Caches")}

@@ -65,7 +65,8 @@ def kernel_name(dispatcher: Any) -> str:
 
 
 def estimate(begun: str) -> float:
-    """Seconds to compile a kernel that is not in the cache, and all others that are loaded and not there, s.
+    """Seconds to compile a kernel that is not in the cache, and all others that are loaded and not
+    there, s.
 
     Args:
         begun: `module:function` of the kernel.

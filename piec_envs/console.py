@@ -1,7 +1,8 @@
-"""What is shown on the standard error beside results: progress bars and notes, and how to have neither.
+"""What is shown on the standard error beside results: progress bars and notes, and how to have
+neither.
 
-Bars are for people: a log that is no terminal gets none. `PIEC_QUIET=1` (`piec --quiet`) also leaves out
-notes; workers inherit it. Errors are always shown.
+Bars are for people: a log that is no terminal gets none. `PIEC_QUIET=1` (`piec --quiet`) also
+leaves out notes; workers inherit it. Errors are always shown.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def no_bar(progress: bool = True) -> bool | None:
         progress: whether the caller wants a bar.
 
     Returns:
-        True for no bar; None leaves it to `tqdm`, which shows one if the standard error is a terminal.
+        True for no bar; None leaves it to `tqdm`, which shows one if the standard error is a
+        terminal.
     """
     return None if progress and not quiet() else True
 

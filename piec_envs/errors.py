@@ -77,10 +77,12 @@ def check_name(kind: str, name: object, known: Iterable[object]) -> None:
 
 
 class UnknownArgumentError(UnknownNameError, TypeError):
-    """A keyword argument that does not exist, said as Python itself says it; the message lists the valid ones.
+    """A keyword argument that does not exist, said as Python itself says it; the message lists the
+    valid ones.
 
     Args:
-        name: the name given, or, without `known`, the whole message: Gymnasium makes the error again of its text.
+        name: the name given, or, without `known`, the whole message: Gymnasium makes the error
+            again of its text.
         known: the valid names.
     """
 
@@ -128,7 +130,9 @@ class InvalidStateError(PiecError, ValueError):
 
 
 class ResetNeededError(PiecError, ResetNeeded):
-    """An episode that has not begun was to be stepped, drawn or saved; Gymnasium's `ResetNeeded` too."""
+    """An episode that has not begun was to be stepped, drawn or saved; Gymnasium's `ResetNeeded`
+    too.
+    """
 
 
 class InvalidParameterError(PiecError, ValueError):
@@ -140,7 +144,9 @@ class PlanError(PiecError, ValueError):
 
 
 class AgentError(PiecError, ValueError):
-    """A trained agent or its checkpoint that is missing, broken, foreign, or made for another env or training."""
+    """A trained agent or its checkpoint that is missing, broken, foreign, or made for another env
+    or training.
+    """
 
 
 class WeightsError(PiecError, ValueError):
@@ -164,14 +170,18 @@ class RecordError(PiecError, ValueError):
 
 
 class EngineError(PiecError, RuntimeError):
-    """Workers that cannot be started, that are lost again and again, or that have other versions installed."""
+    """Workers that cannot be started, that are lost again and again, or that have other versions
+    installed.
+    """
 
 
 class ShadowedPackageError(PiecError, ImportError):
     """A file of the user's that Python takes for a package of this suite."""
 
 
-def as_floats(name: str, value: object, shape: tuple[int, ...], error: type[PiecError]) -> np.ndarray:
+def as_floats(
+    name: str, value: object, shape: tuple[int, ...], error: type[PiecError]
+) -> np.ndarray:
     """A finite array of the given shape, as a copy.
 
     Args:
@@ -218,8 +228,14 @@ def as_count(name: str, value: object, least: int = 1) -> int:
     Raises:
         InvalidParameterError: otherwise, True and False included.
     """
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
-        raise InvalidParameterError(f"{name} must be a whole number of at least {least}, got {value!r}")
+    if (
+        isinstance(value, bool | np.bool_)
+        or not isinstance(value, int | np.integer)
+        or value < least
+    ):
+        raise InvalidParameterError(
+            f"{name} must be a whole number of at least {least}, got {value!r}"
+        )
     return int(value)
 
 
@@ -233,10 +249,11 @@ class MissingDependencyError(PiecError, ImportError):
     """
 
     def __init__(self, package: str, extra: str, instead: str = ""):
-        self._given, self.extra = (package, extra, instead), extra
+        self._given = (package, extra, instead)
+        self.extra = extra
         super().__init__(
-            f"{package!r} is not installed; it comes with the extra {extra!r}: {install_command(extra)}"
-            + (f", or {instead}" if instead else "")
+            f"{package!r} is not installed; it comes with the extra {extra!r}: "
+            f"{install_command(extra)}" + (f", or {instead}" if instead else "")
         )
 
     def __reduce__(self):

@@ -17,14 +17,26 @@ from typing import IO
 __all__ = ["BROKEN_FILE", "replacing", "why_unreadable"]
 
 BROKEN_FILE = (  # down to NumPy's parsing of a damaged header
-    OSError, ValueError, LookupError, TypeError, EOFError, RuntimeError, MemoryError, SyntaxError,
-    TokenError, zipfile.BadZipFile, zlib.error, struct.error,
-)  # fmt: skip
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+    TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+)
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A file that takes the place of `path` once it is written, and leaves no trace if that fails."""
+    """A file that takes the place of `path` once it is written, and leaves no trace if that
+    fails.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         with open(temporary, "wb") as file:

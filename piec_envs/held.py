@@ -1,7 +1,8 @@
-"""Values that compiled code keeps: a named tuple of arrays that is taken apart once, not at every call.
+"""Values that compiled code keeps: a named tuple of arrays that is taken apart once, not at every
+call.
 
-Numba takes a tuple apart into its arrays whenever Python hands it over, about 0.1 us for each array: more than a step
-of a single environment takes. A held value is handed over as one pointer.
+Numba takes a tuple apart into its arrays whenever Python hands it over, about 0.1 us for each
+array: more than a step of a single environment takes. A held value is handed over as one pointer.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ def hold(value):
     """Keep a value.
 
     Args:
-        value: a named tuple of arrays and numbers, of other such tuples too; the arrays are shared, not copied.
+        value: a named tuple of arrays and numbers, of other such tuples too; the arrays are shared,
+            not copied.
 
     Returns:
         A `Held`, for kernels called from Python.

@@ -5,8 +5,8 @@ A `kernel` is called by other kernels and owns no memory: it is compiled without
 counting, whose atomic increments for every array of a packed scene cost ten times the arithmetic.
 One whose name begins with an underscore cannot be called from Python: what converts the arguments
 would take longer to compile than the kernel.
-An `inlined_kernel` is a `kernel` that becomes part of its caller: a packed scene with its scratch has
-some 400 words, and each call copies all of them. It is for what is called at one or two places.
+An `inlined_kernel` is a `kernel` that becomes part of its caller: a packed scene with its scratch
+has some 400 words, and each call copies all of them. It is for what is called at one or two places.
 A `lane_kernel` is a `kernel` whose inner loops run over a fixed number of lanes, so that every lane
 goes through the same instructions; it may fuse a product and a sum into one rounding.
 All release the GIL, follow IEEE rules for division, and are cached on disk where some folder can be
@@ -27,13 +27,16 @@ from piec_envs.console import note
 
 
 class _Cache(FunctionCache):
-    """Kernels on disk; those of another version, whose argument types may have moved or gone, are made again."""
+    """Kernels on disk; those of another version, whose argument types may have moved or gone, are
+    made again.
+    """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled kernel, None where there is none that fits."""
         try:
             return super().load_overload(sig, target_context)
-        except (AttributeError, ImportError):  # Numba unpickles its index before it looks at the file's date
+        # Numba unpickles its index before it looks at the file's date
+        except (AttributeError, ImportError):
             self.flush()
             return None
 

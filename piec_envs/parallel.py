@@ -16,7 +16,8 @@ from contextlib import contextmanager
 from piec_envs.console import note
 
 NOTICE_SECONDS = 1.5
-WORTH_THREADS = 150.0  # us of work on one core below which a second thread costs more than it brings
+# us of work on one core below which a second thread costs more than it brings
+WORTH_THREADS = 150.0
 _compiled: set[Callable] = set()
 _pool: ThreadPoolExecutor | None = None
 
@@ -36,7 +37,9 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def run_rows(kernel: Callable, rows: int, threads: int | None, *args, work: float = math.inf) -> None:
+def run_rows(
+    kernel: Callable, rows: int, threads: int | None, *args, work: float = math.inf
+) -> None:
     """Call `kernel(lo, hi, *args)` over row ranges that together cover all rows.
 
     Args:
@@ -57,7 +60,9 @@ def run_rows(kernel: Callable, rows: int, threads: int | None, *args, work: floa
     if _pool is None:
         _pool = ThreadPoolExecutor(available_threads(), thread_name_prefix="piec")
     bounds = [rows * i // threads for i in range(threads + 1)]
-    jobs = [_pool.submit(kernel, lo, hi, *args) for lo, hi in zip(bounds[1:-1], bounds[2:], strict=True)]
+    jobs = [
+        _pool.submit(kernel, lo, hi, *args) for lo, hi in zip(bounds[1:-1], bounds[2:], strict=True)
+    ]
     kernel(bounds[0], bounds[1], *args)
     for job in jobs:
         job.result()

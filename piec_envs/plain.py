@@ -12,14 +12,15 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """A value without NumPy, enumerations and paths, as far as it is made of them; what is something else stays.
+    """A value without NumPy, enumerations and paths, as far as it is made of them; what is
+    something else stays.
 
     Args:
         value: anything, such as keyword arguments with arrays in them.
 
     Returns:
-        Arrays as lists, NumPy scalars as Python's, mappings as dicts, members of an enumeration as their values,
-        types of entries and paths as text, also inside of lists, tuples and mappings.
+        Arrays as lists, NumPy scalars as Python's, mappings as dicts, members of an enumeration as
+        their values, types of entries and paths as text, also inside of lists, tuples and mappings.
     """
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
@@ -35,7 +36,8 @@ def plain(value: Any) -> Any:
 
 
 def make_plain(item: Any) -> None:
-    """Take the fields of a frozen dataclass, while it is made, for what NumPy's numbers and arrays stand for.
+    """Take the fields of a frozen dataclass, while it is made, for what NumPy's numbers and arrays
+    stand for.
 
     Args:
         item: the dataclass; see `plain` for what becomes of its fields.

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from piec_envs.errors import ShadowedPackageError
 
-BESIDE = ("planners", "evaluation")  # packages installed beside this one, with names that others use, too
+# packages installed beside this one, with names that others use, too
+BESIDE = ("planners", "evaluation")
 
 
 def shadow_of(name: str) -> Path | None:
@@ -45,7 +46,8 @@ def message_of(name: str, shadow: Path) -> str:
         The message.
     """
     return (
-        f"{shadow} hides the package {name!r} of piec-envs, since its folder comes first in sys.path: rename it, or "
+        f"{shadow} hides the package {name!r} of piec-envs, since its folder comes first in "
+        f"sys.path: rename it, or "
         f"{name!r} cannot be used in this process"
     )
 
@@ -65,7 +67,9 @@ def check_not_shadowed(name: str) -> None:
 
 
 def warn_of_shadows() -> None:
-    """Say which packages of this suite are hidden, if any: what is imported from them next may fail."""
+    """Say which packages of this suite are hidden, if any: what is imported from them next may
+    fail.
+    """
     for name in BESIDE:
         shadow = shadow_of(name)
         if shadow is not None:

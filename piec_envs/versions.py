@@ -26,8 +26,9 @@ def versions() -> dict[str, str]:
 def install_command(extra: str) -> str:
     """The command that adds an extra to this very installation.
 
-    A clone, or an editable installation of one, is its own source; what was installed from a folder, a file
-    or a repository comes from there again; anything else comes from the package index.
+    A clone, or an editable installation of one, is its own source; what was installed from a
+    folder, a file or a repository comes from there again; anything else comes from the package
+    index.
 
     Args:
         extra: name of the extra, such as "rl".
@@ -39,7 +40,9 @@ def install_command(extra: str) -> str:
 
 
 def _origin() -> dict:
-    """What pip wrote down of where the package came from (PEP 610); nothing for the package index."""
+    """What pip wrote down of where the package came from (PEP 610); nothing for the package
+    index.
+    """
     try:
         text = metadata.distribution("piec-envs").read_text("direct_url.json")
         return dict(json.loads(text or "{}"))

@@ -1,4 +1,5 @@
-"""Planners (CMA-ES over via points, rigid carrying), plan files and their policy; searches for enclosing postures.
+"""Planners (CMA-ES over via points, rigid carrying), plan files and their policy; searches for
+enclosing postures.
 
 The names below load what they need at their first use: CMA-ES alone takes a second.
 """

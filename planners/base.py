@@ -32,7 +32,18 @@ from planners.observed import ObservationReader
 FORMAT = "piec-plan-1"
 DRAWN = ("start_noise", "randomize")  # keyword arguments by which a reset draws a start and a plant
 SAME_START = 1e-6  # rad or m
-_META_FIELDS = ("env_id", "robot", "joints", "horizon", "env_kwargs", "objective", "preset", "seed", "cost", "nominal")
+_META_FIELDS = (
+    "env_id",
+    "robot",
+    "joints",
+    "horizon",
+    "env_kwargs",
+    "objective",
+    "preset",
+    "seed",
+    "cost",
+    "nominal",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +87,9 @@ class Plan:
 
     @property
     def model_kwargs(self) -> dict[str, Any]:
-        """Keyword arguments of its task and its nominal model, of which nothing is drawn and nothing flees."""
+        """Keyword arguments of its task and its nominal model, of which nothing is drawn and
+        nothing flees.
+        """
         return model_kwargs(self.env_kwargs)
 
     @property
@@ -96,7 +109,11 @@ class Plan:
         temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         with open(temporary, "wb") as file:
             np.savez(
-                file, format=FORMAT, meta=json.dumps(meta, sort_keys=True), path=self.path, via_points=self.via_points
+                file,
+                format=FORMAT,
+                meta=json.dumps(meta, sort_keys=True),
+                path=self.path,
+                via_points=self.via_points,
             )
         os.replace(temporary, target)
         return target
@@ -113,14 +130,22 @@ class Plan:
                 if str(data["format"]) != FORMAT:
                     raise PlanError(f"{path} has format {data['format']}, but {FORMAT} is needed")
                 meta = json.loads(str(data["meta"]))
-                arrays = {name: np.array(data[name], dtype=float) for name in ("path", "via_points")}
+                arrays = {
+                    name: np.array(data[name], dtype=float) for name in ("path", "via_points")
+                }
             plan = cls(**{**meta, **arrays, "joints": tuple(meta["joints"])})
         except PlanError:
             raise
         except files.BROKEN_FILE as error:
             raise PlanError(files.why_unreadable(path, "plan file", error)) from error
-        if plan.path.ndim != 2 or plan.path.shape[1] != len(plan.joints) or not np.isfinite(plan.path).all():
-            raise PlanError(f"{path} has a path of shape {plan.path.shape} for {len(plan.joints)} joints")
+        if (
+            plan.path.ndim != 2
+            or plan.path.shape[1] != len(plan.joints)
+            or not np.isfinite(plan.path).all()
+        ):
+            raise PlanError(
+                f"{path} has a path of shape {plan.path.shape} for {len(plan.joints)} joints"
+            )
         return plan
 
     def check_env(self, env_id: str) -> None:
@@ -147,16 +172,20 @@ class Plan:
         joints = tuple(joint.name for joint in get_robot(robot_name).joints)
         if (robot_name, joints) != (self.robot, self.joints):
             raise PlanError(
-                f"this plan moves joints {list(self.joints)} of {self.robot!r}, not {list(joints)} of {robot_name!r}"
+                f"this plan moves joints {list(self.joints)} of {self.robot!r}, not "
+                f"{list(joints)} of {robot_name!r}"
             )
         if np.abs(start - self.path[0]).max() > SAME_START:
             raise PlanError(
                 f"this plan starts at {np.round(self.path[0], 3).tolist()}, but the arm at "
-                f"{np.round(start, 3).tolist()}; take the keyword argument `start` that it was planned with"
+                f"{np.round(start, 3).tolist()}; take the keyword argument `start` that it was "
+                f"planned with"
             )
 
 
-def nominal_start(env_id: str, env_kwargs: Mapping[str, Any], seed: int) -> tuple[Model, State, Setup]:
+def nominal_start(
+    env_id: str, env_kwargs: Mapping[str, Any], seed: int
+) -> tuple[Model, State, Setup]:
     """The nominal model and the task's own start, of which nothing is drawn.
 
     Args:
@@ -198,7 +227,11 @@ def realised_plan(
     realised = model.rollout(start, path[None], absolute=True).motion.q_r  # (1, N + 1, n)
     rollout = model.rollout(start, realised[:, 1:], absolute=True)
     measured = {name: float(rollout.column(name)[0, -1]) for name in ("goal_distance", "d2g")}
-    terms = {f"sum_{n}": float(rollout.column(n)[0, 1:].sum()) for n in MEASURE_COLUMNS if n.startswith("cost_")}
+    terms = {
+        f"sum_{n}": float(rollout.column(n)[0, 1:].sum())
+        for n in MEASURE_COLUMNS
+        if n.startswith("cost_")
+    }
     return Plan(
         robot=model.robot.name,
         joints=tuple(joint.name for joint in model.robot.joints),
@@ -225,18 +258,27 @@ class OpenLoopPolicy:
 
     def __init__(self, plan: Plan):
         if not isinstance(plan, Plan):
-            raise PlanError(f"OpenLoopPolicy executes a Plan, of a planner or of Plan.load(file), got {plan!r}")
+            raise PlanError(
+                f"OpenLoopPolicy executes a Plan, of a planner or of Plan.load(file), got {plan!r}"
+            )
         if plan.robot not in ROBOTS:
-            raise PlanError(f"this plan is for robot {plan.robot!r}; known: {', '.join(sorted(ROBOTS))}")
+            raise PlanError(
+                f"this plan is for robot {plan.robot!r}; known: {', '.join(sorted(ROBOTS))}"
+            )
         try:
             self._reader = ObservationReader(plan.env_id, plan.env_kwargs, plan.horizon)
         except UnknownNameError as error:
             raise PlanError(f"no environment can be made for this plan: {error}") from error
         self.plan = plan
-        self._step = CONTROL_PERIOD * get_robot(plan.robot).speed_limit  # (n,) largest motion of a step
+        # (n,) largest motion of a step
+        self._step = CONTROL_PERIOD * get_robot(plan.robot).speed_limit
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
         """Actions for one observation or a batch, with Stable-Baselines3's signature.
 

@@ -12,7 +12,8 @@ from planners.base import Plan, nominal_start, realised_plan
 
 
 def carried_base(task: Task, place: np.ndarray, share: np.ndarray, arrive: float) -> np.ndarray:
-    """Where a sliding base moves to carry an object to the goal in a straight line, or along the reference.
+    """Where a sliding base moves to carry an object to the goal in a straight line, or along the
+    reference.
 
     Args:
         task: what is to be done.
@@ -33,7 +34,8 @@ class RigidCarry:
     """Plans a path on which the base alone moves and the arm keeps the posture of the start.
 
     Args:
-        arrive: share of the horizon after which the goal is reached; a reference is followed in time.
+        arrive: share of the horizon after which the goal is reached; a reference is followed in
+            time.
     """
 
     arrive: float = 0.6
@@ -64,11 +66,20 @@ class RigidCarry:
         model, start, _ = nominal_start(env_id, nominal, seed)
         task = model.task
         if model.robot.base_dof == 0:
-            raise InvalidParameterError(f"{env_id!r} has no base that slides, so that nothing can be carried")
+            raise InvalidParameterError(
+                f"{env_id!r} has no base that slides, so that nothing can be carried"
+            )
         share = np.arange(1, task.horizon + 1) / task.horizon
         path = np.repeat(start.q_r, len(share), axis=0)  # (N, n)
         path[:, : model.robot.base_dof] += carried_base(task, start.pose[0, :2], share, self.arrive)
         return realised_plan(
-            model, start, path, env_id=env_id, env_kwargs=nominal, via_points=path[-1:], objective="carry",
-            preset=nominal.get("preset", "default"), seed=seed,
-        )  # fmt: skip
+            model,
+            start,
+            path,
+            env_id=env_id,
+            env_kwargs=nominal,
+            via_points=path[-1:],
+            objective="carry",
+            preset=nominal.get("preset", "default"),
+            seed=seed,
+        )

@@ -1,4 +1,6 @@
-"""CMA-ES over via points, all restarts and candidates in one batched rollout (paper, appendix A.2.1)."""
+"""CMA-ES over via points, all restarts and candidates in one batched rollout (paper, appendix
+A.2.1).
+"""
 
 from __future__ import annotations
 
@@ -53,16 +55,19 @@ class CmaEsPlanner:
         sigma: first step size, rad or m.
         start: first guess: "rest" stays at the start configuration, "enclose" moves to a posture
             that encloses the object at the goal, curled one way and the other in turn where the
-            limits allow; a base that slides carries the start posture there, or along the reference, instead.
+            limits allow; a base that slides carries the start posture there, or along the
+            reference, instead.
         arrive: share of the horizon after which the first guess has reached that posture.
-        escape_field: name of the field that the planner optimises, or its options with a "name"; "auto"
-            is the robot's best.
+        escape_field: name of the field that the planner optimises, or its options with a "name";
+            "auto" is the robot's best.
         escape_every: k: the field is evaluated on every k-th step of a rollout.
-        robust_iterations: further iterations from the best result, with the task term averaged over ...
+        robust_iterations: further iterations from the best result, with the task term averaged over
+            ...
         robust_samples: ... this many disturbed rollouts of the planner's own.
         robust_disturbance: their sigma for each axis, m.
         robust_sigma: first step size of these iterations, rad or m.
-        robust_points: via points that these iterations move; the arm rests from the last of them on.
+        robust_points: via points that these iterations move; the arm rests from the last of them
+            on.
     """
 
     objective: str = "caging"
@@ -96,7 +101,9 @@ class CmaEsPlanner:
             if not float(as_floats(name, getattr(self, name), (), InvalidParameterError)) > 0:
                 raise InvalidParameterError(f"{name} must be above 0, got {getattr(self, name)}")
         if self.robust_points > self.via_points:
-            raise InvalidParameterError(f"robust_points must be 1 to {self.via_points}, got {self.robust_points}")
+            raise InvalidParameterError(
+                f"robust_points must be 1 to {self.via_points}, got {self.robust_points}"
+            )
 
     @property
     def rollouts(self) -> int:
@@ -113,9 +120,10 @@ class CmaEsPlanner:
             env_id: id of the environment.
             seed: of all randomness.
             progress: whether to show a progress bar.
-            env_kwargs: keyword arguments of the nominal model, but for those that the objective and the
-                preset decide; the planner never sees the plant. What `start_noise` and `randomize` say is
-                drawn for each disturbed rollout, and leaves the nominal one as it is.
+            env_kwargs: keyword arguments of the nominal model, but for those that the objective and
+                the preset decide; the planner never sees the plant. What `start_noise` and
+                `randomize` say is drawn for each disturbed rollout, and leaves the nominal one as
+                it is.
 
         Returns:
             The best plan by re-simulated cost.
@@ -132,7 +140,12 @@ class CmaEsPlanner:
         nominal["escape_field"] = model.setup.escape_field  # by name, not as "auto"
         search = _Search(self, model, start, disturbed_samples(drawn, self, seed), seed)
         total = self.iterations + self.robust_iterations + 1
-        with tqdm(total=total, desc=f"planning {self.objective}", disable=console.no_bar(progress), leave=False) as bar:
+        with tqdm(
+            total=total,
+            desc=f"planning {self.objective}",
+            disable=console.no_bar(progress),
+            leave=False,
+        ) as bar:
             try:
                 search.run(bar)
             except KeyboardInterrupt as interrupt:
@@ -154,11 +167,14 @@ class CmaEsPlanner:
             own["escape_field"] = None
         drawn = env_kwargs.get("randomize")
         if isinstance(drawn, Mapping) and "adversary" in drawn:
-            raise InvalidParameterError("'adversary' follows from the planner's objective, so that it cannot be drawn")
+            raise InvalidParameterError(
+                "'adversary' follows from the planner's objective, so that it cannot be drawn"
+            )
         for name in DECIDED:
             if name in env_kwargs and env_kwargs[name] != own[name]:
                 raise InvalidParameterError(
-                    f"{name!r} follows from the planner's objective and preset: {own[name]!r}, not {env_kwargs[name]!r}"
+                    f"{name!r} follows from the planner's objective and preset: {own[name]!r}, "
+                    f"not {env_kwargs[name]!r}"
                 )
         return {**own, **env_kwargs}
 
@@ -172,8 +188,10 @@ class _Search:
     start: State
     samples: State
     seed: int
-    found: list[tuple[float, np.ndarray]] = field(default_factory=list)  # (cost, via points) per restart
-    begun: list[list[tuple[float, np.ndarray]]] = field(default_factory=list)  # the same of every stage, as it goes
+    # (cost, via points) per restart
+    found: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    # the same of every stage, as it goes
+    begun: list[list[tuple[float, np.ndarray]]] = field(default_factory=list)
     iterations: int = 0
 
     def __post_init__(self):
@@ -190,13 +208,24 @@ class _Search:
     def run(self, bar: tqdm) -> None:
         """Search on the nominal model, then polish the best result under noise."""
         planner = self.planner
-        searches = [self._strategy(self._first_guess(i), planner.sigma, i) for i in range(planner.restarts)]
+        searches = [
+            self._strategy(self._first_guess(i), planner.sigma, i) for i in range(planner.restarts)
+        ]
         bar.update()
-        screening = min(planner.screening, planner.iterations) if planner.restarts > planner.survivors else 0
+        screening = (
+            min(planner.screening, planner.iterations)
+            if planner.restarts > planner.survivors
+            else 0
+        )
         found = self._iterate(searches, screening, self.cost.nominal, bar)
         kept = sorted(range(len(searches)), key=lambda i: found[i][0])[: planner.survivors]
-        best = self._iterate([searches[i] for i in kept], planner.iterations - screening, self.cost.nominal, bar)
-        self.found = [min(found[i], result, key=lambda pair: pair[0]) for i, result in zip(kept, best, strict=True)]
+        best = self._iterate(
+            [searches[i] for i in kept], planner.iterations - screening, self.cost.nominal, bar
+        )
+        self.found = [
+            min(found[i], result, key=lambda pair: pair[0])
+            for i, result in zip(kept, best, strict=True)
+        ]
         if planner.robust_iterations:
             self._polish(bar)
 
@@ -206,7 +235,8 @@ class _Search:
         An arm that has closed on the object does best to hold still, which a search over all via
         points takes long to find.
         """
-        planner, free = self.planner, self.planner.robust_points
+        planner = self.planner
+        free = self.planner.robust_points
         via = np.array([self._limit(x)[:free] for _, x in self.found])
         costs = self._final_cost(self._paths(np.array([self._limit(x) for x in via])))
         search = self._strategy(via[int(np.argmin(costs))], planner.robust_sigma, planner.restarts)
@@ -243,13 +273,18 @@ class _Search:
 
     def _first_guess(self, restart: int) -> np.ndarray:
         """Via points to start from, shape (points, n)."""
-        home, points = self.start.q_r[0], self.planner.via_points
+        home = self.start.q_r[0]
+        points = self.planner.via_points
         if self.planner.start == "rest":
             return np.repeat(home[None], points, axis=0)
-        base, share = self.model.robot.base_dof, np.linspace(0, 1, points + 1)[1:]  # (points,)
+        # (points,)
+        base = self.model.robot.base_dof
+        share = np.linspace(0, 1, points + 1)[1:]
         if base:
             via = np.repeat(home[None], points, axis=0)
-            via[:, :base] += carried_base(self.model.task, self.start.pose[0, :2], share, self.planner.arrive)
+            via[:, :base] += carried_base(
+                self.model.task, self.start.pose[0, :2], share, self.planner.arrive
+            )
             return via
         escape = self.model.field or choose_field(self.planner.escape_field, self.model.robot.name)
         pose = np.append(self.model.task.goal, self.start.pose[0, 2])
@@ -265,28 +300,44 @@ class _Search:
             Shape (points, n).
         """
         via = np.clip(np.asarray(x).reshape(-1, len(self.lower)), self.lower, self.upper)
-        return np.concatenate([via, np.repeat(via[-1:], self.planner.via_points - len(via), axis=0)])
+        return np.concatenate(
+            [via, np.repeat(via[-1:], self.planner.via_points - len(via), axis=0)]
+        )
 
     def _paths(self, via: np.ndarray) -> np.ndarray:
         return np.clip(self.trajectory.path(self.start.q_r[0], via), self.lower, self.upper)
 
     def best_plan(self, env_id: str, nominal: dict[str, Any]) -> Plan:
-        """Re-simulate the realised path of each result and keep the cheapest, of those that come home if any does."""
+        """Re-simulate the realised path of each result and keep the cheapest, of those that come
+        home if any does.
+        """
         plans = [self._make_plan(env_id, nominal, self._limit(x)) for _, x in self.found]
-        return min(plans, key=lambda plan: (plan.nominal["d2g"] > 0 or plan.cost >= DIVERGENCE_WEIGHT, plan.cost))
+        return min(
+            plans,
+            key=lambda plan: (plan.nominal["d2g"] > 0 or plan.cost >= DIVERGENCE_WEIGHT, plan.cost),
+        )
 
     def _make_plan(self, env_id: str, nominal: dict[str, Any], via: np.ndarray) -> Plan:
         return realised_plan(
-            self.model, self.start, self._paths(via[None])[0], self._final_cost, env_id=env_id, env_kwargs=nominal,
-            via_points=via, objective=self.planner.objective, preset=self.planner.preset, seed=self.seed,
-        )  # fmt: skip
+            self.model,
+            self.start,
+            self._paths(via[None])[0],
+            self._final_cost,
+            env_id=env_id,
+            env_kwargs=nominal,
+            via_points=via,
+            objective=self.planner.objective,
+            preset=self.planner.preset,
+            seed=self.seed,
+        )
 
 
 def disturbed_samples(setup: Setup, planner: CmaEsPlanner, seed: int) -> State:
     """Starts under the planner's own disturbances, the same for every objective.
 
     Args:
-        setup: of the nominal model; what its `start_noise` and `randomize` say is drawn for each sample.
+        setup: of the nominal model; what its `start_noise` and `randomize` say is drawn for each
+            sample.
         planner: gives the number of samples and the disturbance.
         seed: of their random numbers.
 

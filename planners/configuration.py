@@ -24,7 +24,8 @@ from piec_envs import (
 from planners.strategy import GUESS_STREAM, make_strategy
 
 GUESSES = ("uniform", "curled", "left", "right")
-LIMIT_WEIGHT = 1e3  # s/rad^2 of a candidate's distance beyond the joint limits, where CMA-ES may ask
+# s/rad^2 of a candidate's distance beyond the joint limits, where CMA-ES may ask
+LIMIT_WEIGHT = 1e3
 REACHABLE = 0.005  # m; a posture that touches nothing can be reached
 
 
@@ -64,9 +65,14 @@ class Incumbent:
     """
 
     def __init__(self, problem: CagingProblem, start: np.ndarray, queries: int = 0):
-        self.problem, self.start, self.posture = problem, start, start
-        self.rank, self.escape_time, self.phi = (False, -np.inf), -np.inf, np.full(1, -np.inf)
-        self.queries, self.history = queries, list[float]()
+        self.problem = problem
+        self.start = start
+        self.posture = start
+        self.rank = (False, -np.inf)
+        self.escape_time = -np.inf
+        self.phi = np.full(1, -np.inf)
+        self.queries = queries
+        self.history = list[float]()
 
     def offer(self, q: np.ndarray, judged: Postures) -> bool:
         """Take the best of some postures if it beats the one that is held; ends an iteration.
@@ -78,12 +84,15 @@ class Incumbent:
         Returns:
             Whether it does.
         """
-        value, feasible = judged.value, judged.feasible
+        value = judged.value
+        feasible = judged.feasible
         best = int(np.argmax(np.where(feasible, value, -np.inf) if feasible.any() else value))
         rank = (bool(feasible[best]), float(value[best]))
         better = rank > self.rank
         if better:
-            self.rank, self.posture, self.phi = rank, q[best].copy(), judged.phi[best]
+            self.rank = rank
+            self.posture = q[best].copy()
+            self.phi = judged.phi[best]
             self.escape_time = float(judged.escape_time[best])
         self.queries += len(q)
         self.history.append(self.escape_time if self.rank[0] else -np.inf)
@@ -91,7 +100,8 @@ class Incumbent:
 
     def result(self) -> Configuration:
         """What was found."""
-        distances, rows = self.phi + self.problem.clearance, self.problem.object_rows
+        distances = self.phi + self.problem.clearance
+        rows = self.problem.object_rows
         return Configuration(
             posture=self.posture,
             start=self.start,
@@ -126,7 +136,9 @@ def check_start(problem: CagingProblem, start: np.ndarray) -> np.ndarray:
     return start
 
 
-def draw_postures(problem: CagingProblem, kind: str, rows: int, rng: np.random.Generator) -> np.ndarray:
+def draw_postures(
+    problem: CagingProblem, kind: str, rows: int, rng: np.random.Generator
+) -> np.ndarray:
     """Random postures.
 
     Args:
@@ -150,9 +162,13 @@ def draw_postures(problem: CagingProblem, kind: str, rows: int, rng: np.random.G
         sides = robot.curl_sides(CURL[0])
         side = {"left": 1.0, "right": -1.0}.get(kind, rng.choice(sides, (rows, 1)))
         if np.ndim(side) == 0 and side not in sides:
-            raise InvalidParameterError(f"the limits of {robot.name!r} do not let it curl to the {kind}")
+            raise InvalidParameterError(
+                f"the limits of {robot.name!r} do not let it curl to the {kind}"
+            )
         turning = slice(robot.base_dof + 1, None)
-        straight, lower, upper = robot.straight[turning], problem.lower[turning], problem.upper[turning]
+        straight = robot.straight[turning]
+        lower = problem.lower[turning]
+        upper = problem.upper[turning]
         q[:, turning] = np.clip(straight + np.abs(q[:, turning] - straight) * side, lower, upper)
     return q
 
@@ -174,7 +190,11 @@ class Start:
         check_name("kind of postures", self.kind, GUESSES)
 
     def searches(
-        self, problem: CagingProblem, seed: int | Sequence[int], start: np.ndarray | None, count: int
+        self,
+        problem: CagingProblem,
+        seed: int | Sequence[int],
+        start: np.ndarray | None,
+        count: int,
     ) -> Iterator[Incumbent]:
         """Where each of some searches begins: the first at `start`, if that is given.
 
@@ -238,8 +258,8 @@ class CmaEsConfiguration:
             start: where the first search begins, shape (n,); None draws one.
 
         Returns:
-            The best posture that keeps all constraints, if any was found, over all searches; `queries`
-            counts all of them, `history` is of the best one.
+            The best posture that keeps all constraints, if any was found, over all searches;
+            `queries` counts all of them, `history` is of the best one.
 
         Raises:
             InvalidStateError: for a start of the wrong shape, not finite or beyond the limits.
@@ -267,7 +287,11 @@ class CmaEsConfiguration:
 
 
 def enclosing_posture(
-    setup: Setup, field: EscapeField, pose: np.ndarray, seed: Sequence[int], curl: float | None = None
+    setup: Setup,
+    field: EscapeField,
+    pose: np.ndarray,
+    seed: Sequence[int],
+    curl: float | None = None,
 ) -> np.ndarray:
     """A posture that encloses the object of a task at a pose, for planners to start from.
 
@@ -284,7 +308,9 @@ def enclosing_posture(
         Joint positions, shape (n,).
     """
     threads = setup.threads
-    problem = CagingProblem(setup.robot, setup.plant.object, pose, field, clearance=REACHABLE, threads=threads)
+    problem = CagingProblem(
+        setup.robot, setup.plant.object, pose, field, clearance=REACHABLE, threads=threads
+    )
     kind = "curled" if curl is None else "left" if curl > 0 else "right"
     search = CmaEsConfiguration(50, iterations=40, restarts=1, sigma=0.3, guesses=500, kind=kind)
     return search.solve(problem, seed).posture

@@ -16,7 +16,9 @@ class PlanningInterrupted(KeyboardInterrupt):
 
     def __init__(self, plan: Plan, iterations: int, total: int):
         super().__init__(plan, iterations, total)
-        self.plan, self.iterations, self.total = plan, iterations, total
+        self.plan = plan
+        self.iterations = iterations
+        self.total = total
 
     def __str__(self) -> str:
         return f"planning was interrupted after {self.iterations} of {self.total} iterations"

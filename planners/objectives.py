@@ -76,12 +76,16 @@ class PathCost:
     """
 
     def __init__(self, model: Model, start: State):
-        self.model, self.start = model, start
+        self.model = model
+        self.start = start
         calm = model.setup.plant.replace({"adversary": 0.0})
-        self._plain = Model(dataclasses.replace(model.setup, plant=calm, escape_field=None, prior=-1))
+        self._plain = Model(
+            dataclasses.replace(model.setup, plant=calm, escape_field=None, prior=-1)
+        )
 
     def nominal(self, path: np.ndarray) -> np.ndarray:
-        """Summed stage cost of each path without noise, and the penalties on links that cross and on divergence.
+        """Summed stage cost of each path without noise, and the penalties on links that cross and
+        on divergence.
 
         Args:
             path: absolute joint positions, shape (B, N, n).
@@ -93,10 +97,12 @@ class PathCost:
         return rollout.cost + self._crossed(rollout) + _unreached(rollout)
 
     def disturbed(self, path: np.ndarray, samples: State) -> np.ndarray:
-        """The nominal cost with its task term averaged over disturbed runs, with penalties on misses and divergence.
+        """The nominal cost with its task term averaged over disturbed runs, with penalties on
+        misses and divergence.
 
-        The disturbed runs follow the joint path that the nominal run realised, since that is what will
-        be executed: a commanded path can press on the object, the realised one only encloses it.
+        The disturbed runs follow the joint path that the nominal run realised, since that is what
+        will be executed: a commanded path can press on the object, the realised one only encloses
+        it.
 
         Args:
             path: absolute joint positions, shape (B, N, n).
@@ -107,7 +113,8 @@ class PathCost:
         """
         rollout = self._run(path)
         nominal = rollout.column("cost_task")[:, 1:].sum(axis=1)
-        rows, count = len(path), samples.rows
+        rows = len(path)
+        count = samples.rows
         noisy = self._plain.rollout(
             samples.take(np.tile(np.arange(count), rows)),
             np.repeat(rollout.motion.q_r[:, 1:], count, axis=0),
@@ -115,7 +122,9 @@ class PathCost:
         )
         task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)
         excess = (nominal + task) / (1 + count) - nominal
-        beyond = noisy.column("goal_distance")[:, -1].reshape(rows, count) - (GOAL_RADIUS - MISS_MARGIN)
+        beyond = noisy.column("goal_distance")[:, -1].reshape(rows, count) - (
+            GOAL_RADIUS - MISS_MARGIN
+        )
         miss = self.model.weights.miss * np.maximum(0.0, beyond).mean(axis=1)
         cost = rollout.cost + self.model.weights.task * excess + miss + self._crossed(rollout)
         return cost + _unreached(rollout) + _unreached(noisy).reshape(rows, count).mean(axis=1)
@@ -129,5 +138,7 @@ class PathCost:
 
 
 def _unreached(rollout: Rollout) -> np.ndarray:
-    """Penalty on what a row that has diverged leaves out, shape (B,): it rests, which looks cheap."""
+    """Penalty on what a row that has diverged leaves out, shape (B,): it rests, which looks
+    cheap.
+    """
     return DIVERGENCE_WEIGHT * rollout.motion.diverged.sum(axis=1)

@@ -11,14 +11,24 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from piec_envs import CAGING_SCALE, FEASIBLE, CagingProblem, InvalidParameterError, Postures, as_count, as_floats
+from piec_envs import (
+    CAGING_SCALE,
+    FEASIBLE,
+    CagingProblem,
+    InvalidParameterError,
+    Postures,
+    as_count,
+    as_floats,
+)
 from planners.configuration import Configuration, Incumbent, Start
 
 OSQP_OPTIONS = {"verbose": False, "eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 4000}
 SOLVED = (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE)
 UNDONE = (1.0, 0.5, 0.25, 0.125)  # shares of an overlap that a step undoes, the first that it can
 BROKEN = 1e-3  # m; beyond this violation the step size shrinks ...
-SHRINK, LEAST_STEP = 0.8, 0.1  # ... by this factor, down to this
+# ... by this factor, down to this
+SHRINK = 0.8
+LEAST_STEP = 0.1
 GROW = 1.1  # growth of the step size while no constraint is broken, up to 1
 
 
@@ -41,20 +51,22 @@ class SqpConfiguration:
         min over D   1/2 D^T H D + g^T D   s.t.   phi + dphi_dq D >= 0,   lower <= q + D <= upper
 
     and moves by step size times D. The objective is -caging = -0.02 T_hat, so g = -J^T with the row
-    J = 0.02 dT_hat_dq, and H = J^T J + 1e-2 I: with one residual, Gauss-Newton is of rank one. The step
-    size is multiplied by 0.8, down to 0.1, while a constraint is broken by more than 1e-3 m and by 1.1,
-    up to 1, while none is broken by more than 1e-6 m. A search ends at |D| < 1e-2 or after 100 iterations.
+    J = 0.02 dT_hat_dq, and H = J^T J + 1e-2 I: with one residual, Gauss-Newton is of rank one. The
+    step size is multiplied by 0.8, down to 0.1, while a constraint is broken by more than 1e-3 m
+    and by 1.1, up to 1, while none is broken by more than 1e-6 m. A search ends at |D| < 1e-2 or
+    after 100 iterations.
 
     Where the paper is silent:
 
-    - The objective's scale decides how far a step goes, since D = -g / (|J|^2 + 1e-2) for a free step.
-      In seconds |J| is 10 to 300, so that |D| < 1e-2 would often end the search at once.
-    - Linearised constraints of an overlapping posture can contradict each other. Then only a share of
-      each overlap has to be undone, the largest of 1, 1/2, 1/4 and 1/8 that can be.
+    - The objective's scale decides how far a step goes, since D = -g / (|J|^2 + 1e-2) for a free
+      step. In seconds |J| is 10 to 300, so that |D| < 1e-2 would often end the search at once.
+    - Linearised constraints of an overlapping posture can contradict each other. Then only a share
+      of each overlap has to be undone, the largest of 1, 1/2, 1/4 and 1/8 that can be.
     - Distances and T_hat are far from linear over a radian, so |D_j| <= `trust`.
-    - T_hat is a least value over escape routes. Its maximum is a ridge on which the gradient jumps, and D
-      never becomes small. After `stall` iterations without a better posture the search goes back to the
-      best one and halves `trust`, until D is small. The result is the best feasible iterate, not the last.
+    - T_hat is a least value over escape routes. Its maximum is a ridge on which the gradient jumps,
+      and D never becomes small. After `stall` iterations without a better posture the search goes
+      back to the best one and halves `trust`, until D is small. The result is the best feasible
+      iterate, not the last.
     - Where the arm is off the fastest way out, T_hat has no gradient and SQP nothing to follow.
       `restarts` begin at the best of a few random postures.
 
@@ -102,16 +114,23 @@ class SqpConfiguration:
 
     def _search(self, held: Incumbent) -> None:
         """One search from where `held` starts."""
-        problem, q = held.problem, held.start
-        size, trust, stalled, best = 1.0, self.trust, 0, None
+        problem = held.problem
+        q = held.start
+        size = 1.0
+        trust = self.trust
+        stalled = 0
+        best = None
         for _ in range(self.iterations):
             here = self.linearise(problem, q)
             if held.offer(q[None], here.judged) or best is None:
-                best, stalled = here, 0
+                best = here
+                stalled = 0
             else:
                 stalled += 1
             if stalled == self.stall:
-                here, trust, stalled = best, trust / 2, 0
+                here = best
+                trust = trust / 2
+                stalled = 0
             size = step_size(size, -float(here.phi.min()))
             step = self.step(problem, here, trust)
             if np.linalg.norm(step) < self.tolerance:
@@ -146,13 +165,16 @@ class SqpConfiguration:
         n = len(here.q)
         hessian = np.outer(here.g, here.g) + self.regulariser * np.eye(n)  # H = J^T J + 1e-2 I
         rows = sparse.csc_matrix(np.vstack([here.dphi, np.eye(n)]))  # (m + n, n)
-        low, high = np.maximum(problem.lower - here.q, -trust), np.minimum(problem.upper - here.q, trust)
+        low = np.maximum(problem.lower - here.q, -trust)
+        high = np.minimum(problem.upper - here.q, trust)
         upper = np.concatenate([np.full(len(here.phi), np.inf), high])
         for share in UNDONE:
             room = np.where(here.phi < 0, share * here.phi, here.phi)  # (m,) m
             solver = osqp.OSQP()
             lower = np.concatenate([-room, low])
-            solver.setup(sparse.csc_matrix(np.triu(hessian)), here.g, rows, lower, upper, **OSQP_OPTIONS)
+            solver.setup(
+                sparse.csc_matrix(np.triu(hessian)), here.g, rows, lower, upper, **OSQP_OPTIONS
+            )
             result = solver.solve(raise_error=False)
             if result.info.status_val in SOLVED:
                 return np.clip(result.x, low, high)

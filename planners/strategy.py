@@ -7,11 +7,18 @@ from collections.abc import Sequence
 import cma
 import numpy as np
 
-GUESS_STREAM, NOISE_STREAM, SEARCH_STREAM = 0, 1, 2  # keep a seed's random numbers apart by their use
+# keep a seed's random numbers apart by their use
+GUESS_STREAM = 0
+NOISE_STREAM = 1
+SEARCH_STREAM = 2
 
 
 def make_strategy(
-    start: np.ndarray, sigma: float, population: int, seed: Sequence[int], bounds: Sequence[np.ndarray] | None = None
+    start: np.ndarray,
+    sigma: float,
+    population: int,
+    seed: Sequence[int],
+    bounds: Sequence[np.ndarray] | None = None,
 ) -> cma.CMAEvolutionStrategy:
     """A CMA-ES search to ask and tell.
 

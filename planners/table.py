@@ -24,7 +24,10 @@ class Row:
 
 PLANNERS: dict[str, Row] = {
     "cma-es": Row("planners.cma_es:CmaEsPlanner", "CMA-ES over via points, polished under noise"),
-    "carry": Row("planners.carry:RigidCarry", "a sliding base moves along and the arm keeps the posture of the start"),
+    "carry": Row(
+        "planners.carry:RigidCarry",
+        "a sliding base moves along and the arm keeps the posture of the start",
+    ),
 }
 
 

@@ -18,10 +18,12 @@ class ViaPointTrajectory:
     """
 
     def __init__(self, points: int, steps: int):
-        self.points, self.steps = points, steps
+        self.points = points
+        self.steps = steps
         knots = np.linspace(0, steps, points + 1)
         unit = np.vstack([np.zeros(points), np.eye(points)])  # (points + 1, points)
-        self.basis = CubicSpline(knots, unit, bc_type="clamped")(np.arange(1, steps + 1))  # (steps, points)
+        # (steps, points)
+        self.basis = CubicSpline(knots, unit, bc_type="clamped")(np.arange(1, steps + 1))
 
     def path(self, start: np.ndarray, via: np.ndarray) -> np.ndarray:
         """Joint positions after each step.

@@ -1,4 +1,6 @@
-"""Fixtures shared by all tests, how workers share what is costly to make, and which tests are slow."""
+"""Fixtures shared by all tests, how workers share what is costly to make, and which tests
+are slow.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,9 @@ from piec_envs.escape import table
 settings.register_profile("kernels", deadline=None, derandomize=True)
 settings.load_profile("kernels")
 
-# Tests that take more than a second once everything is compiled, as the beginnings of their names. Modules of this
-# list begin first, in its order, so that no worker is left with a long one at the end.
+# Tests that take more than a second once everything is compiled, as the beginnings of their names.
+# Modules of this list begin first, in its order, so that no worker is left with a long one at the
+# end.
 SLOW = (
     "tests/evaluation/test_studies.py::",
     "tests/test_examples.py::",
@@ -41,7 +44,7 @@ SLOW = (
     "tests/evaluation/test_cli.py::test_demo",
     "tests/evaluation/test_study_figures.py::test_a_watched_execution_has_its_loose_bodies",
     "tests/escape/test_training.py::",
-    "tests/escape/test_lower_bound.py::test_key_points_bound_the_escape_time_of_the_body_from_below",
+    "tests/escape/test_lower_bound.py::test_key_points_bound_the_escape_time_of_the_body",
     "tests/contracts/test_pickling.py::test_a_copy_of_an_env",
     "tests/contracts/test_env.py::test_check_env[piec_envs/FrankaPush",
     "tests/contracts/test_cage.py::test_the_franka_has_its_geometry_field_and_limits",
@@ -90,7 +93,9 @@ SLOW = (
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What `make test-all` asks for."""
-    parser.addoption("--no-skips", action="store_true", help="a test or module that is skipped fails")
+    parser.addoption(
+        "--no-skips", action="store_true", help="a test or module that is skipped fails"
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -105,7 +110,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def _fail_if_skipped(report: Any, config: pytest.Config) -> None:
     if config.getoption("--no-skips") and report.skipped and not hasattr(report, "wasxfail"):
-        report.outcome, report.longrepr = "failed", f"skipped, which --no-skips forbids: {report.longrepr}"
+        report.outcome, report.longrepr = (
+            "failed",
+            f"skipped, which --no-skips forbids: {report.longrepr}",
+        )
 
 
 @pytest.hookimpl(wrapper=True)
@@ -161,7 +169,9 @@ def shared_folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(shared_folder):
-    """The user's cache is neither read nor written; a table that one worker solves, others wait for."""
+    """The user's cache is neither read nor written; a table that one worker solves, others wait
+    for.
+    """
     folder, kept_table = shared_folder / "solving", table.kept_table
     folder.mkdir(exist_ok=True)
 
@@ -177,7 +187,9 @@ def own_cache(shared_folder):
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once(shared_folder):
-    """What one worker compiles, others wait for and load; without this each would compile everything for itself."""
+    """What one worker compiles, others wait for and load; without this each would compile
+    everything for itself.
+    """
     folder, compile_one = shared_folder / "compiling", Dispatcher.compile
     folder.mkdir(exist_ok=True)
     held: list[str] = []
@@ -186,7 +198,8 @@ def compiled_once(shared_folder):
     def compile_alone(self, signature):
         function = self.py_func
         name = f"{function.__module__}.{function.__qualname__}-{function.__code__.co_firstlineno}"
-        # In this order, that of Numba within itself, so that threads and processes cannot wait for each other.
+        # In this order, that of Numba within itself, so that threads and processes cannot wait for
+        # each other.
         with global_compiler_lock, nullcontext() if name in held else _alone(folder / name):
             held.append(name)
             try:
@@ -206,7 +219,11 @@ def compiled_once(shared_folder):
 def _still(object_name: str, q: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Distance of each link to the object, shape (rows, links)."""
     plant = Plant("planar_arm", [object_name] * len(q), np.full(len(q), 0.5))
-    return QuasiDynamics().rollout(q, q, pose, Commands(np.zeros((len(q), 0, 4))), plant).link_distance[:, 0]
+    return (
+        QuasiDynamics()
+        .rollout(q, q, pose, Commands(np.zeros((len(q), 0, 4))), plant)
+        .link_distance[:, 0]
+    )
 
 
 def _touching(object_name: str, rows: int, rng: np.random.Generator):
@@ -228,11 +245,15 @@ def _squeezed(object_name: str, rows: int, rng: np.random.Generator):
     """Arms that have closed on an object between their links."""
     tries = 120 * rows
     sign = rng.choice([-1.0, 1.0], tries)
-    q = np.column_stack([rng.uniform(-3, 3, tries), sign[:, None] * rng.uniform(0.6, 2.2, (tries, 3))])
+    q = np.column_stack(
+        [rng.uniform(-3, 3, tries), sign[:, None] * rng.uniform(0.6, 2.2, (tries, 3))]
+    )
     pose = np.column_stack([rng.uniform(-0.6, 0.6, (tries, 2)), rng.uniform(-3, 3, tries)])
     distance = np.sort(_still(object_name, q, pose), axis=1)
     keep = np.flatnonzero((distance[:, 0] > 0) & (distance[:, 1] < 0.1))[: 3 * rows]
-    closing = np.concatenate([np.zeros((len(keep), 1)), np.repeat(sign[keep, None], 3, axis=1)], axis=1)
+    closing = np.concatenate(
+        [np.zeros((len(keep), 1)), np.repeat(sign[keep, None], 3, axis=1)], axis=1
+    )
     plant = Plant("planar_arm", [object_name] * len(keep), np.full(len(keep), 0.5))
     commands = Commands(np.repeat(closing[:, None], 400, axis=1))
     motion = QuasiDynamics().rollout(q[keep], q[keep], pose[keep], commands, plant)
@@ -241,10 +262,15 @@ def _squeezed(object_name: str, rows: int, rng: np.random.Generator):
 
 
 def random_motion_of(object_name, rows=60, steps=200, seed=0, sigma=0.0, dynamics=None):
-    """Rollouts of random actions, held for 50 to 200 steps, from touching and from squeezed states."""
+    """Rollouts of random actions, held for 50 to 200 steps, from touching and from squeezed
+    states.
+    """
     dynamics = dynamics or QuasiDynamics()
     rng = np.random.default_rng(seed)
-    touching, squeezed = _touching(object_name, rows // 2, rng), _squeezed(object_name, rows - rows // 2, rng)
+    touching, squeezed = (
+        _touching(object_name, rows // 2, rng),
+        _squeezed(object_name, rows - rows // 2, rng),
+    )
     q, pose = np.vstack([touching[0], squeezed[0]]), np.vstack([touching[1], squeezed[1]])
     actions = np.empty((len(q), steps, 4))
     for row in actions:
@@ -265,7 +291,9 @@ def random_motion():
 
 
 class _Looking(pickle.Pickler):
-    """Notes the compiled functions that it meets: they are pickled by value and compile anew elsewhere."""
+    """Notes the compiled functions that it meets: they are pickled by value and compile anew
+    elsewhere.
+    """
 
     def __init__(self, file: io.BytesIO):
         super().__init__(file, protocol=5)

@@ -1,4 +1,6 @@
-"""A package of somebody else's: one row for each table, then the contracts; test_outside.py runs it alone."""
+"""A package of somebody else's: one row for each table, then the contracts; test_outside.py runs it
+alone.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ ENV_ID = "outside/SlowArmPush-v0"
 def slow_arm():
     """A robot: the planar arm at half its speed."""
     arm = get_robot("planar_arm")
-    joints = tuple(dataclasses.replace(joint, speed_limit=joint.speed_limit / 2) for joint in arm.joints)
+    joints = tuple(
+        dataclasses.replace(joint, speed_limit=joint.speed_limit / 2) for joint in arm.joints
+    )
     return dataclasses.replace(arm, name="slow_arm", joints=joints)
 
 
@@ -51,7 +55,13 @@ class Waiting(RigidCarry):
         nominal = {"escape_field": None, **env_kwargs}
         model, start, _ = nominal_start(env_id, nominal, seed)
         path = np.repeat(start.q_r, model.task.horizon, axis=0)
-        about = {"env_id": env_id, "env_kwargs": nominal, "objective": "wait", "preset": "default", "seed": seed}
+        about = {
+            "env_id": env_id,
+            "env_kwargs": nominal,
+            "objective": "wait",
+            "preset": "default",
+            "seed": seed,
+        }
         return realised_plan(model, start, path, via_points=path[-1:], **about)
 
 
@@ -59,10 +69,14 @@ ROBOTS["slow_arm"] = slow_arm
 OBJECTS["coin"] = Object("coin", (disc(0.06),), np.zeros((1, 2)))
 TERMS.append(
     Term(
-        "speed_limit", lambda robot, task: robot.dof, lambda robot: 1.0, "rad/s", "largest joint speeds",
+        "speed_limit",
+        lambda robot, task: robot.dof,
+        lambda robot: 1.0,
+        "rad/s",
+        "largest joint speeds",
         write=lambda state, task, robot: np.tile(robot.speed_limit, (state.rows, 1)),
     )
-)  # fmt: skip
+)
 DYNAMICS["sticky"] = Backend("quasi-dynamic by another name", f"{__name__}:make_sticky")
 PLANNERS["wait"] = Row(f"{__name__}:Waiting", "the arm stays where it is")
 
@@ -72,9 +86,16 @@ def make_sticky(options):
 
 
 register_task(
-    Task("slow_push", "slow_arm", "coin", np.array([0.55, 0.25, 0.0]), np.array([0.5, 0.4]), env_id=ENV_ID,
-         summary="Push a coin slowly.")
-)  # fmt: skip
+    Task(
+        "slow_push",
+        "slow_arm",
+        "coin",
+        np.array([0.55, 0.25, 0.0]),
+        np.array([0.5, 0.4]),
+        env_id=ENV_ID,
+        summary="Push a coin slowly.",
+    )
+)
 
 
 def check():

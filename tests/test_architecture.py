@@ -50,9 +50,15 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-SOURCES = {module_name(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+SOURCES = {
+    module_name(path): path
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
 TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in SOURCES.items()}
-ALL_FILES = sorted([*SOURCES.values(), *(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")])
+ALL_FILES = sorted(
+    [*SOURCES.values(), *(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]
+)
 
 
 def absolute_base(node: ast.ImportFrom, module: str) -> str:
@@ -60,7 +66,9 @@ def absolute_base(node: ast.ImportFrom, module: str) -> str:
     if not node.level:
         return node.module or ""
     is_package = SOURCES[module].name == "__init__.py"
-    parents = module.split(".")[: None if is_package and node.level == 1 else -(node.level - is_package)]
+    parents = module.split(".")[
+        : None if is_package and node.level == 1 else -(node.level - is_package)
+    ]
     return ".".join([*parents, *filter(None, [node.module])])
 
 
@@ -144,15 +152,23 @@ def test_files_and_bodies_are_short(path):
     assert len(text.splitlines()) <= MAX_FILE_LINES
     for function in ast.walk(ast.parse(text)):
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
-            body = function.body[1:] if ast.get_docstring(function) and len(function.body) > 1 else function.body
+            body = (
+                function.body[1:]
+                if ast.get_docstring(function) and len(function.body) > 1
+                else function.body
+            )
             lines = (function.end_lineno or 0) - body[0].lineno + 1
-            assert lines <= MAX_BODY_LINES, f"{path.name}:{function.lineno} {function.name}: {lines} lines"
+            assert lines <= MAX_BODY_LINES, (
+                f"{path.name}:{function.lineno} {function.name}: {lines} lines"
+            )
 
 
 def undocumented(node: ast.Module | ast.ClassDef, prefix: str) -> Iterator[str]:
     """Public classes, functions and methods without a docstring, in classes too."""
     for child in node.body:
-        if not isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) or child.name.startswith("_"):
+        if not isinstance(
+            child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+        ) or child.name.startswith("_"):
             continue
         if not ast.get_docstring(child):
             yield f"{prefix}.{child.name}"

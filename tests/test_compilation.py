@@ -1,4 +1,6 @@
-"""Kernels announce their first compilation, once and with an estimate, in scripts as in commands."""
+"""Kernels announce their first compilation, once and with an estimate, in scripts as in
+commands.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def run(folder: Path, **variables: str) -> list[str]:
     path = os.pathsep.join([str(folder), str(ROOT)])
     env = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder / "cache"), **variables}
     command = [sys.executable, "-c", "import pieces"]
-    return subprocess.run(command, capture_output=True, text=True, check=True, env=env).stderr.splitlines()
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, env=env
+    ).stderr.splitlines()
 
 
 def test_the_first_compilation_is_announced_once(tmp_path):
@@ -44,7 +48,8 @@ def test_the_first_compilation_is_announced_once(tmp_path):
     assert run(tmp_path, PIEC_QUIET="1", NUMBA_CACHE_DIR=str(tmp_path / "another")) == []
     assert run(tmp_path) == ["piec_envs: compiling kernels, once; up to about 5 s"]
     assert run(tmp_path) == []  # the cache has them
-    (tmp_path / "pieces.py").write_text(COLD.replace('("pieces",)', '("piec_envs",)'))  # the code of somebody else
+    # the code of somebody else
+    (tmp_path / "pieces.py").write_text(COLD.replace('("pieces",)', '("piec_envs",)'))
     assert run(tmp_path) == []
 
 

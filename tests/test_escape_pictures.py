@@ -1,4 +1,6 @@
-"""What pictures say of ways out: free, through the wall, or none, held against a flood of the free plane."""
+"""What pictures say of ways out: free, through the wall, or none, held against a flood of the free
+plane.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +36,16 @@ SPEED = SpeedModel()
 
 
 def floods(q, pose, margin):
-    """Whether the edge of the workspace is reached from the object, where d > d0 + margin is free."""
+    """Whether the edge of the workspace is reached from the object, where d > d0 + margin
+    is free.
+    """
     radius = get_robot("planar_arm").workspace_radius
     axis = np.linspace(-radius, radius, NODES)
     nodes = np.stack(np.meshgrid(axis, axis), axis=-1)
-    free = robot_distance("planar_arm", nodes.reshape(-1, 2), q).reshape(NODES, NODES) > SPEED.d0 + margin
+    free = (
+        robot_distance("planar_arm", nodes.reshape(-1, 2), q).reshape(NODES, NODES)
+        > SPEED.d0 + margin
+    )
     free |= np.hypot(*nodes.transpose(2, 0, 1)) >= radius
     parts, _ = label(free)
     j, i = np.rint((pose[:2] + radius) / (axis[1] - axis[0])).astype(int)
@@ -55,10 +62,12 @@ def test_what_is_enclosed_is_what_a_flood_does_not_leave(turn, curl, shift):
     q = np.array([turn, *curl])
     pose = np.array([*robot_frames("planar_arm", q)[:, :2].mean(axis=0) + shift, 0.0])
     escape = solve_escape("planar_arm", CIRCLE, pose, q)
-    wide, narrow = floods(q, pose, 0.015), floods(q, pose, -0.015)  # either side of what two grids may see otherwise
+    # either side of what two grids may see otherwise
+    wide, narrow = floods(q, pose, 0.015), floods(q, pose, -0.015)
     if wide == narrow and robot_distance("planar_arm", pose[None, :2], q)[0] > SPEED.d0 + 0.015:
         assert escape.enclosed != wide
-        assert wide or (escape.walled.any() and escape.caging > 0.4)  # the only way leads through the wall
+        # the only way leads through the wall
+        assert wide or (escape.walled.any() and escape.caging > 0.4)
 
 
 def test_the_way_out_of_a_cage_is_dashed_and_a_free_one_is_not():
@@ -85,7 +94,9 @@ def test_only_the_part_in_the_wall_is_dashed_where_there_is_a_free_way():
 
 
 def test_a_hard_wall_leaves_an_enclosed_object_without_a_way():
-    escape = solve_escape("planar_arm", CIRCLE, np.array([0.3, 0.1, 0.0]), CAGE, SpeedModel(leak=0.0))
+    escape = solve_escape(
+        "planar_arm", CIRCLE, np.array([0.3, 0.1, 0.0]), CAGE, SpeedModel(leak=0.0)
+    )
     assert escape.enclosed and len(escape.way) == 1 and np.isinf(escape.caging)
     _, ax = new_axis(100)
     draw_escape(ax, escape)
@@ -101,6 +112,10 @@ def test_colours_reach_up_to_all_captions(values):
 @given(st.lists(st.booleans(), min_size=1, max_size=12))
 def test_runs_cover_all_flags_once(flags):
     stretches = runs(np.array(flags))
-    assert np.concatenate([np.arange(len(flags))[run] for run in stretches]).tolist() == list(range(len(flags)))
-    assert [flags[run.start] for run in stretches] == [flags[0] ^ bool(k % 2) for k in range(len(stretches))]
+    assert np.concatenate([np.arange(len(flags))[run] for run in stretches]).tolist() == list(
+        range(len(flags))
+    )
+    assert [flags[run.start] for run in stretches] == [
+        flags[0] ^ bool(k % 2) for k in range(len(stretches))
+    ]
     assert all(len(set(flags[run])) == 1 for run in stretches)

@@ -1,4 +1,6 @@
-"""What is public: `piec_envs.__all__`, from which planners, evaluation, examples and docs take everything."""
+"""What is public: `piec_envs.__all__`, from which planners, evaluation, examples and docs take
+everything.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,15 @@ import piec_envs
 from piec_envs import errors
 
 ROOT = Path(__file__).resolve().parents[1]
-USERS = sorted(path for package in ("planners", "evaluation") for path in (ROOT / package).rglob("*.py"))
+USERS = sorted(
+    path for package in ("planners", "evaluation") for path in (ROOT / package).rglob("*.py")
+)
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DOCS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 HEAVY = ("matplotlib", "mujoco", "numba", "scipy", "torch")
-NAMESPACES = {name for name in piec_envs.__all__ if isinstance(getattr(piec_envs, name), ModuleType)}
+NAMESPACES = {
+    name for name in piec_envs.__all__ if isinstance(getattr(piec_envs, name), ModuleType)
+}
 OWN = re.compile(r"piec_envs(?:\.\w+)+")
 
 
@@ -83,10 +89,14 @@ def test_a_namespace_lists_its_own_names(space):
 
 @pytest.mark.parametrize("package", ["piec_envs", "piec_envs/rendering"])
 def test_no_public_name_is_hidden_by_a_module(package):
-    """Python puts a module that is imported into its package, in place of anything of the same name."""
+    """Python puts a module that is imported into its package, in place of anything of the same
+    name.
+    """
     folder = ROOT / package
     listed = (piec_envs if package == "piec_envs" else piec_envs.rendering).__all__
-    inside = {path.stem for path in folder.glob("*.py")} | {path.parent.name for path in folder.glob("*/__init__.py")}
+    inside = {path.stem for path in folder.glob("*.py")} | {
+        path.parent.name for path in folder.glob("*/__init__.py")
+    }
     assert inside & {*listed} == (NAMESPACES if package == "piec_envs" else set())
 
 
@@ -150,7 +160,9 @@ def test_what_is_internal_is_noticed(code, found):
 
 def test_importing_loads_nothing_heavy():
     code = f"import sys, piec_envs; print(*sorted({{*{HEAVY}}} & {{*sys.modules}}))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert not done.stdout.split()
 
 

@@ -44,7 +44,9 @@ def test_an_id_is_recognised_without_its_namespace(env_id):
     assert closest(env_id.rpartition("/")[2].lower(), ENVS) == env_id
 
 
-@pytest.mark.parametrize(("typed", "meant"), [("Circel", "circle"), ("SQUARES", "square"), ("zzz", None), (3, None)])
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("Circel", "circle"), ("SQUARES", "square"), ("zzz", None), (3, None)]
+)
 def test_a_slip_in_the_wrong_case_is_recognised(typed, meant):
     assert closest(typed, OBJECTS) == meant
 
@@ -61,7 +63,10 @@ def test_a_clone_is_installed_from_itself(monkeypatch, tmp_path):
     ("origin", "expected"),
     [
         (None, 'pip install "piec-envs[rl]"'),
-        ({"url": "file:///home/ann/my%20clone", "dir_info": {}}, 'pip install "/home/ann/my clone[rl]"'),
+        (
+            {"url": "file:///home/ann/my%20clone", "dir_info": {}},
+            'pip install "/home/ann/my clone[rl]"',
+        ),
         (
             {"url": "file:///wheels/piec_envs-0.1.0-py3-none-any.whl", "archive_info": {}},
             'pip install "piec-envs[rl] @ file:///wheels/piec_envs-0.1.0-py3-none-any.whl"',
@@ -78,7 +83,11 @@ def test_an_installation_comes_again_from_where_it_came(origin, expected, monkey
             assert name == "direct_url.json"
             return None if origin is None else json.dumps(origin)
 
-    monkeypatch.setattr(piec_envs.versions, "__file__", str(tmp_path / "site-packages" / "piec_envs" / "versions.py"))
+    monkeypatch.setattr(
+        piec_envs.versions,
+        "__file__",
+        str(tmp_path / "site-packages" / "piec_envs" / "versions.py"),
+    )
     monkeypatch.setattr(metadata, "distribution", lambda name: Distribution())
     assert install_command("rl") == expected
 
@@ -98,7 +107,11 @@ SCRIPT = "import warnings\nwarnings.simplefilter('error')\nimport piec_envs\n"
 
 def python(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True, cwd=folder, env={"PYTHONPATH": str(ROOT)}
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={"PYTHONPATH": str(ROOT)},
     )
 
 
@@ -107,8 +120,11 @@ def test_a_script_with_the_name_of_a_package_is_told_so(name, tmp_path):
     script = tmp_path / f"{name}.py"
     script.write_text(SCRIPT)
     done = python(tmp_path, script.name)
-    assert done.returncode != 0 and f"{script} hides the package {name!r} of piec-envs" in done.stderr
-    script.write_text("import piec_envs\nprint('went on')\n")  # who does not need the package goes on
+    assert (
+        done.returncode != 0 and f"{script} hides the package {name!r} of piec-envs" in done.stderr
+    )
+    # who does not need the package goes on
+    script.write_text("import piec_envs\nprint('went on')\n")
     assert python(tmp_path, script.name).stdout == "went on\n"
 
 
@@ -119,7 +135,10 @@ def test_a_folder_beside_the_script_is_told_of(tmp_path):
     done = python(tmp_path, "mine.py")
     assert done.returncode != 0
     last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("piec_envs.errors.ShadowedPackageError") and str(tmp_path / "planners") in last
+    assert (
+        last.startswith("piec_envs.errors.ShadowedPackageError")
+        and str(tmp_path / "planners") in last
+    )
     done = python(tmp_path, "-m", "evaluation.cli", "list")
     assert done.returncode != 0 and "rename it" in done.stderr
 

@@ -12,8 +12,9 @@ import pytest
 from piec_envs.kernels import batch_kernel, kernel
 
 ROOT = Path(__file__).resolve().parents[1]
-# Numba keeps code beside the source if it can, else in a home folder. The installation cannot be written
-# here, whoever runs this. Importing an environment meets all kernels, and one small one is run.
+# Numba keeps code beside the source if it can, else in a home folder. The installation cannot be
+# written here, whoever runs this. Importing an environment meets all kernels, and one small one is
+# run.
 READ_ONLY = """
 import os
 from numba.core import caching
@@ -26,7 +27,9 @@ print(key_points_world(np.eye(2), np.array([1.0, 2.0, 0.0])).tolist())
 
 def run_read_only(home: Path, **variables: str) -> subprocess.CompletedProcess:
     """A process whose installation cannot be written, with a home folder that may be none."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))}
+    kept = {
+        name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))
+    }
     command = [sys.executable, "-c", READ_ONLY]
     env = {**kept, "HOME": str(home), **variables}
     return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=env, check=True)
@@ -36,7 +39,8 @@ def run_read_only(home: Path, **variables: str) -> subprocess.CompletedProcess:
 def test_a_read_only_installation_works_and_says_what_to_set_where_nothing_is_kept(tmp_path, where):
     file = tmp_path / "file"
     file.write_bytes(b"")
-    home = tmp_path / "home" if where == "home" else file / "home"  # no folder can be made below a file
+    # no folder can be made below a file
+    home = tmp_path / "home" if where == "home" else file / "home"
     variables = {
         "nowhere, quiet": {"PIEC_QUIET": "1"},
         "variable": {"NUMBA_CACHE_DIR": str(tmp_path / "kept")},

@@ -23,7 +23,9 @@ from piec_envs.rendering.view import View, close_view, episode_view
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
-WHOLE, LINK, POINT = (get_robot(f"mobile_franka{kind}_capsules") for kind in ("", "_link", "_point"))
+WHOLE, LINK, POINT = (
+    get_robot(f"mobile_franka{kind}_capsules") for kind in ("", "_link", "_point")
+)
 CAGE = np.array([0.41590098, 0.319474, -0.98641672, -2.133729, 0.78505695])
 MOVED = CAGE - [0.3, 0.5, 0.0, 0.0, 0.0]
 
@@ -60,7 +62,10 @@ def test_outlines_of_the_arm_are_the_same_whatever_touches():
 @pytest.mark.parametrize("task", [MOBILE, mobile_franka_track("left")], ids=["push", "track"])
 def test_the_view_stands_still_while_the_base_slides(task):
     views = [episode_view(WHOLE, q, task) for q in np.linspace(CAGE, MOVED, 5)]
-    assert all(np.array_equal(view.centre, views[0].centre) and view.half == views[0].half for view in views)
+    assert all(
+        np.array_equal(view.centre, views[0].centre) and view.half == views[0].half
+        for view in views
+    )
     named = np.vstack([task.start[:2], task.goal, task.reference, *arm_outlines(WHOLE, CAGE)])
     assert (np.abs(named - views[0].centre) < views[0].half).all()
 
@@ -70,18 +75,25 @@ def test_the_view_follows_a_base_that_leaves_without_a_jump():
     views = [episode_view(WHOLE, q, MOBILE) for q in way]
     centres = np.array([view.centre for view in views])
     assert np.abs(np.diff(centres, axis=0)).max() < 0.0161 and np.ptp(centres[:, 0]) > 0.5
-    away = [np.abs(base_position(WHOLE, q) - view.centre).max() for q, view in zip(way, views, strict=True)]
+    away = [
+        np.abs(base_position(WHOLE, q) - view.centre).max()
+        for q, view in zip(way, views, strict=True)
+    ]
     assert max(away) < views[0].half - 0.49
 
 
 def test_the_view_of_a_base_that_stands_is_its_workspace():
     robot = get_robot("franka_capsules")
     view = episode_view(robot, robot.home, MOBILE)
-    assert isinstance(view, View) and view.half == robot.workspace_radius and (view.centre == 0).all()
+    assert (
+        isinstance(view, View) and view.half == robot.workspace_radius and (view.centre == 0).all()
+    )
 
 
 def frames(renderer, contact):
-    """Pictures of the same state before and after the base has moved, 0.2 m to the right and 0.3 m down."""
+    """Pictures of the same state before and after the base has moved, 0.2 m to the right and 0.3 m
+    down.
+    """
     # the capsules are thicker than the meshes of this cage: a small object is clear of them
     options = {
         "contact": contact,
@@ -90,7 +102,9 @@ def frames(renderer, contact):
         "object": "water_jug",
         "escape_field": None,
     }
-    env = gym.make("piec_envs/MobileFrankaPush-v0", render_mode="rgb_array", renderer=renderer, **options).unwrapped
+    env = gym.make(
+        "piec_envs/MobileFrankaPush-v0", render_mode="rgb_array", renderer=renderer, **options
+    ).unwrapped
     env.reset(seed=0)
     pictures = [env.render()]
     state = env.get_state()
@@ -103,7 +117,9 @@ def frames(renderer, contact):
 
 
 def place(picture, green):
-    """Mean row and column of what is green (the goal), or red (the edge of the workspace), and how many pixels."""
+    """Mean row and column of what is green (the goal), or red (the edge of the workspace), and how
+    many pixels.
+    """
     r, g, b = np.moveaxis(picture.astype(int), -1, 0)
     mask = (g > r + 60) & (g > b + 20) if green else (r > g + 90) & (np.abs(g - b) < 40)
     return np.argwhere(mask).mean(axis=0), mask.sum()
@@ -123,10 +139,15 @@ def test_the_goal_stays_where_it_is_and_the_workspace_goes_along(renderer):
 
 def test_pale_parts_show_the_table_in_space():
     try:
-        whole, point = (frames("mujoco", contact)[0].astype(int) for contact in ("whole_arm", "point"))
+        whole, point = (
+            frames("mujoco", contact)[0].astype(int) for contact in ("whole_arm", "point")
+        )
     except RenderingError as error:
         pytest.skip(str(error))
     blue = [(picture[..., 2] > picture[..., 0] + 60).sum() for picture in (whole, point)]
     assert blue[1] < 0.25 * blue[0] and blue[0] > 1000
-    shaded = [((picture.max(axis=2) < 170) & (np.ptp(picture, axis=2) < 15)).sum() for picture in (whole, point)]
+    shaded = [
+        ((picture.max(axis=2) < 170) & (np.ptp(picture, axis=2) < 15)).sum()
+        for picture in (whole, point)
+    ]
     assert shaded[1] < 0.7 * shaded[0]

@@ -50,7 +50,9 @@ def in_a_thread(function):
 
 
 @pytest.mark.parametrize("env_id", [PUSH, "piec_envs/PlanarArmCage-v0"])
-@pytest.mark.parametrize(("maker", "more"), [(gym.make, {}), (gym.make_vec, VECTOR)], ids=["single", "native"])
+@pytest.mark.parametrize(
+    ("maker", "more"), [(gym.make, {}), (gym.make_vec, VECTOR)], ids=["single", "native"]
+)
 def test_a_copy_of_an_env_that_drew_draws_the_same_by_itself(maker, more, env_id):
     env, frame = opened(maker, env_id, **more)
     for copied in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
@@ -100,7 +102,9 @@ if "closed" not in sys.argv:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no forks")
-@pytest.mark.parametrize("when", [["before"], ["before", "closed"], []], ids=["drawn", "closed", "never drawn"])
+@pytest.mark.parametrize(
+    "when", [["before"], ["before", "closed"], []], ids=["drawn", "closed", "never drawn"]
+)
 def test_a_forked_process_draws_only_if_its_parent_did_not(when):
     opened()[0].close()  # no test where there is no OpenGL
     command = [sys.executable, "-c", FORKED, *when]

@@ -1,4 +1,6 @@
-"""Robots, objects, tasks, observation terms, planners and dynamics from outside of the package keep the contracts."""
+"""Robots, objects, tasks, observation terms, planners and dynamics from outside of the package keep
+the contracts.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,16 @@ from pathlib import Path
 
 def test_one_row_in_each_table_is_enough():
     folder = Path(__file__).parent
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder.parent), os.environ.get("PYTHONPATH", "")])}
+    env = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(folder.parent), os.environ.get("PYTHONPATH", "")]),
+    }
     run = subprocess.run(
-        [sys.executable, "-c", "import outside; outside.check()"], capture_output=True, text=True, cwd=folder, env=env
+        [sys.executable, "-c", "import outside; outside.check()"],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=env,
     )
     assert run.returncode == 0, run.stderr
     assert "all contracts hold" in run.stdout

@@ -13,7 +13,11 @@ ROOT = Path(__file__).resolve().parents[1]
 FIDELITY = (ROOT / "docs" / "fidelity.md").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
-SOURCES = sorted(path for package in ("piec_envs", "planners", "evaluation") for path in (ROOT / package).rglob("*.py"))
+SOURCES = sorted(
+    path
+    for package in ("piec_envs", "planners", "evaluation")
+    for path in (ROOT / package).rglob("*.py")
+)
 SECTION = re.compile(r"(?:section|appendix) ([0-9AB](?:\.\d)*)")
 OTHERS = {"piec_envs/escape/marching.py": {"3"}}  # sections of another paper
 
@@ -26,7 +30,9 @@ def rows(heading: str) -> list[list[str]]:
 
 
 SECTIONS = {row[0]: row[2] for row in rows("Sections")}
-EQUATIONS = {number: row[1] for row in rows("Equations") for number in re.findall(r"\((\d+)\)", row[0])}
+EQUATIONS = {
+    number: row[1] for row in rows("Equations") for number in re.findall(r"\((\d+)\)", row[0])
+}
 
 
 def named(text: str) -> list[str]:
@@ -35,7 +41,9 @@ def named(text: str) -> list[str]:
 
 def test_every_equation_figure_and_table_has_a_row():
     assert sorted(map(int, EQUATIONS)) == list(range(1, 15))
-    assert sorted({int(re.match(r"\d+", row[0])[0]) for row in rows("Figures")}) == list(range(1, 29))
+    assert sorted({int(re.match(r"\d+", row[0])[0]) for row in rows("Figures")}) == list(
+        range(1, 29)
+    )
     assert [row[0] for row in rows("Tables")] == ["1", "2", "3"]
 
 
@@ -53,14 +61,18 @@ def test_a_study_names_one_section_everywhere(study):
 def test_sections_and_equations_exist(path):
     text = re.sub(r"\s+", " ", path.read_text(encoding="utf-8"))
     for section in set(named(text)) - OTHERS.get(str(path.relative_to(ROOT)), set()):
-        assert any(known == section or known.startswith(f"{section}.") for known in SECTIONS), section
+        assert any(known == section or known.startswith(f"{section}.") for known in SECTIONS), (
+            section
+        )
     for number in re.findall(r"\beqs?\. \(?(\d+)", text):
         assert number in EQUATIONS, number
     for section, number in re.findall(r"section (\d\.\d), eqs?\. (\d+)", text):
         assert EQUATIONS[number] == section
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "piec_envs" / "dynamics").glob("*.py")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "piec_envs" / "dynamics").glob("*.py")), ids=lambda path: path.name
+)
 def test_the_contact_model_is_the_papers_only_equation_of_dynamics(path):
     (number,) = [number for number, section in EQUATIONS.items() if section == "5.3"]
     assert set(re.findall(r"\beq\. (\d+)", path.read_text(encoding="utf-8"))) <= {number}

@@ -40,17 +40,27 @@ def test_the_quick_start_is_short_and_parses():
 FIDELITY = (ROOT / "docs" / "fidelity.md").read_text(encoding="utf-8")
 QUOTE = re.compile(r"<!-- from (\S+) -->\n\n(.*?)\n\n", re.DOTALL)
 SOURCES = re.findall(r"<!-- from (\S+) -->", TEXT)
-QUOTES = [(page, *quote) for page, text in (("README", TEXT), ("fidelity", FIDELITY)) for quote in QUOTE.findall(text)]
+QUOTES = [
+    (page, *quote)
+    for page, text in (("README", TEXT), ("fidelity", FIDELITY))
+    for quote in QUOTE.findall(text)
+]
 
 
 def test_tables_are_quoted():
     assert len(SOURCES) >= 6 and len(set(SOURCES)) == len(SOURCES)
 
 
-@pytest.mark.parametrize("page, source, quoted", QUOTES, ids=[f"{page}-{source}" for page, source, _ in QUOTES])
+@pytest.mark.parametrize(
+    "page, source, quoted", QUOTES, ids=[f"{page}-{source}" for page, source, _ in QUOTES]
+)
 def test_numbers_stand_in_the_recorded_tables(page, source, quoted):
     """Each row that a page quotes is a part of a row of the recorded table."""
-    recorded = [set(cells(line)) for line in (ROOT / source).read_text(encoding="utf-8").splitlines() if "|" in line]
+    recorded = [
+        set(cells(line))
+        for line in (ROOT / source).read_text(encoding="utf-8").splitlines()
+        if "|" in line
+    ]
     rows = quoted.splitlines()
     assert len(rows) > 3
     for line in (line for line in rows if "---" not in line):

@@ -70,7 +70,9 @@ def test_field_trail_and_reference_are_drawn():
     trail = np.column_stack([np.linspace(-0.5, 0.5, 20), np.full(20, -0.6)])
     assert not np.array_equal(plain, render_frame(*episode(), 0, size=SIZE))
     assert not np.array_equal(plain, render_frame(*episode(escape_field=None), 0, trail, size=SIZE))
-    assert not np.array_equal(plain, render_frame(*episode("planar_arm_track", escape_field=None), 0, size=SIZE))
+    assert not np.array_equal(
+        plain, render_frame(*episode("planar_arm_track", escape_field=None), 0, size=SIZE)
+    )
 
 
 @pytest.mark.parametrize("name", OBJECTS)
@@ -89,7 +91,8 @@ def test_loose_bodies_are_drawn_where_they_are():
     state.memory[0] = memory
     after = render_frame(model, state, measured, 0, size=SIZE)
     x = np.argwhere((before != after).any(axis=2))[:, 1]
-    assert np.ptp(x) * 2 * 1.4 * 1.03 / SIZE == pytest.approx(0.6, abs=0.03)  # it has left one place for the other
+    # it has left one place for the other
+    assert np.ptp(x) * 2 * 1.4 * 1.03 / SIZE == pytest.approx(0.6, abs=0.03)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -98,7 +101,10 @@ def test_outlines_sit_on_their_frames(name):
     q = 0.1 + 0.5 * robot.home
     frames = robot_frames(robot.name, q)
     for link, outlines in zip(robot.links, link_outlines(robot, q), strict=True):
-        reach = max(float(np.linalg.norm(shape.vertices, axis=1).max()) + shape.radius for shape in link.shapes)
+        reach = max(
+            float(np.linalg.norm(shape.vertices, axis=1).max()) + shape.radius
+            for shape in link.shapes
+        )
         offsets = np.concatenate(outlines) - frames[link.frame, :2]
         assert np.linalg.norm(offsets, axis=1).max() == pytest.approx(reach, rel=0.02)
     assert np.isfinite(base_position(robot, q)).all()
@@ -115,18 +121,24 @@ def test_picture_of_an_enclosed_place_is_finite_and_dark():
 
 def test_drawing_does_not_touch_pyplot_and_importing_does_not_load_matplotlib():
     code = (
-        "import sys, numpy as np, piec_envs, piec_envs.rendering.frame; early = 'matplotlib' in sys.modules\n"
+        "import sys, numpy as np, piec_envs, piec_envs.rendering.frame; early = 'matplotlib' in "
+        "sys.modules\n"
         "from piec_envs.env.makers import make_model\n"
         "model = make_model('piec_envs/PlanarArmPush-v0'); state = model.reset(0)\n"
-        "piec_envs.rendering.frame.render_frame(model, state, model.measure(state).last, 0, size=100)\n"
+        "piec_envs.rendering.frame.render_frame(model, state, model.measure(state).last, 0, "
+        "size=100)\n"
         "print(early, 'matplotlib.pyplot' in sys.modules)"
     )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert result.stdout.split() == ["False", "False"]
 
 
 def spatial(maker=gym.make, env_id="piec_envs/PlanarArmPush-v0", **options):
-    return maker(env_id, render_mode="rgb_array", renderer="mujoco", **{"escape_field": None, **options})
+    return maker(
+        env_id, render_mode="rgb_array", renderer="mujoco", **{"escape_field": None, **options}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -148,9 +160,15 @@ def at(env, pose, q=(0.0, 0.0, 0.0, 0.0)):
 
 
 def where(frame, red_first):
-    """Mean row and column of the pixels of the object's colour, or of the goal's, and how many they are."""
+    """Mean row and column of the pixels of the object's colour, or of the goal's, and how many they
+    are.
+    """
     red, green, blue = np.moveaxis(frame.astype(int), -1, 0)
-    mask = (red > green + 40) & (green > blue + 40) if red_first else (green > red + 60) & (green > blue + 20)
+    mask = (
+        (red > green + 40) & (green > blue + 40)
+        if red_first
+        else (green > red + 60) & (green > blue + 20)
+    )
     return np.argwhere(mask).mean(axis=0), mask.sum()
 
 
@@ -189,7 +207,13 @@ def test_loose_bodies_stand_in_space_where_they_are(space):
 
 
 def test_every_row_has_its_frame_and_closing_leaves_the_others(space):
-    vector = spatial(gym.make_vec, "piec_envs/PlanarArmTrack-v0", num_envs=2, object="square", start_noise=[0.05, 0.1])
+    vector = spatial(
+        gym.make_vec,
+        "piec_envs/PlanarArmTrack-v0",
+        num_envs=2,
+        object="square",
+        start_noise=[0.05, 0.1],
+    )
     vector.reset(seed=0)
     frames = vector.render()
     assert len(frames) == 2 and not np.array_equal(*frames)
@@ -200,7 +224,9 @@ def test_every_row_has_its_frame_and_closing_leaves_the_others(space):
 
 @pytest.mark.parametrize("pose", [(0.1, 0.3, 0.0), (-0.35, 0.0, 0.0), (0.0, -0.39, 0.0)], ids=str)
 def test_a_static_posture_is_seen_from_nearer(space, pose):
-    env = spatial(gym.make, "piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid", pose=pose)
+    env = spatial(
+        gym.make, "piec_envs/FrankaCage-v0", geometry="capsules", escape_field="grid", pose=pose
+    )
     env.reset(seed=0)
     start = env.render()
     env.step(np.array([0.9, 0.2, -0.5]))
@@ -214,22 +240,31 @@ def test_a_close_view_holds_robot_and_object():
     for q in rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"), (20, 3)):
         pose = rng.uniform([-0.5, -0.5, -3], [0.5, 0.5, 3])
         centre, half = close_view(robot, q, item, pose)
-        shown = np.concatenate([*(o for link in link_outlines(robot, q) for o in link), pose[None, :2]])
+        shown = np.concatenate(
+            [*(o for link in link_outlines(robot, q) for o in link), pose[None, :2]]
+        )
         assert (np.abs(shown - centre) < half).all() and half < 1.3
 
 
 RENDER = (
     "import sys\nif 'early' in sys.argv: import mujoco\n"
     "import gymnasium as gym, piec_envs\n"
-    "env = gym.make('piec_envs/PlanarArmPush-v0', render_mode='rgb_array', renderer='mujoco', escape_field=None)\n"
+    "env = gym.make('piec_envs/PlanarArmPush-v0', render_mode='rgb_array', renderer='mujoco', "
+    "escape_field=None)\n"
     "env.reset(seed=0); print(env.render().shape)"
 )
 
 
 def run_python(code, *arguments, **variables):
-    kept = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")
+    }
     command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env={**kept, **variables})
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=ROOT, env={**kept, **variables}
+    )
 
 
 def test_an_env_left_open_ends_in_silence(space):

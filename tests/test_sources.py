@@ -11,13 +11,22 @@ import pytest
 from piec_envs.sources import SOURCES, git_state, source, source_digest
 
 ROOT = Path(__file__).resolve().parents[1]
-AUTHOR = ("-c", "user.name=Tester", "-c", "user.email=tester@example.org", "-c", "commit.gpgsign=false")
+AUTHOR = (
+    "-c",
+    "user.name=Tester",
+    "-c",
+    "user.email=tester@example.org",
+    "-c",
+    "commit.gpgsign=false",
+)
 
 
 def git(folder: Path, *arguments: str) -> str:
     clean = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
     command = ["git", "-C", str(folder), *AUTHOR, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True, env=clean).stdout.strip()
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, env=clean
+    ).stdout.strip()
 
 
 @pytest.fixture
@@ -39,7 +48,9 @@ def test_a_clean_tree_names_its_commit(tree):
     assert git_state(tree)["modified"] is False
 
 
-@pytest.mark.parametrize("name", ["piec_envs/__init__.py", "planners/__init__.py", "evaluation/new.py"])
+@pytest.mark.parametrize(
+    "name", ["piec_envs/__init__.py", "planners/__init__.py", "evaluation/new.py"]
+)
 @pytest.mark.parametrize("staged", [False, True])
 def test_an_edited_tree_says_so(tree, name, staged):
     before = source_digest(tree)
@@ -67,7 +78,8 @@ def test_without_git_there_is_a_digest_alone(tree, monkeypatch):
 
 def test_the_digest_is_that_of_names_and_contents(tree):
     before = source_digest(tree)
-    (tree / "planners" / "__init__.py").write_bytes(b'"""One line."""\r\n')  # as git checks out on Windows
+    # as git checks out on Windows
+    (tree / "planners" / "__init__.py").write_bytes(b'"""One line."""\r\n')
     (tree / "planners" / "__init__.cache.nbi").write_text("compiled")
     assert source_digest(tree) == before
     (tree / "planners" / "__init__.py").rename(tree / "planners" / "moved.py")

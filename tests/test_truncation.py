@@ -1,4 +1,6 @@
-"""Files that end too early, at whichever byte: what is read is what was written before, or an error of ours."""
+"""Files that end too early, at whichever byte: what is read is what was written before, or an error
+of ours.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,11 @@ from planners import Plan
 def write_records(path, seeds):
     with RecordFile(path) as file:
         for seed in seeds:
-            file.append(make_record({"name": "größe"}, seed, {"x": [seed / 3, float("nan")], "s": "{}\n\x00"}, 0.1))
+            file.append(
+                make_record(
+                    {"name": "größe"}, seed, {"x": [seed / 3, float("nan")], "s": "{}\n\x00"}, 0.1
+                )
+            )
     return path.read_bytes()
 
 
@@ -58,7 +64,9 @@ def test_a_mended_file_goes_on(tmp_path, share):
 
 
 def test_a_file_of_another_kind_is_refused_at_every_byte(tmp_path):
-    """And left as it is; an empty one, or the first bytes that both kinds share, may still become records."""
+    """And left as it is; an empty one, or the first bytes that both kinds share, may still become
+    records.
+    """
     data, path = b'{"format":"piec-other-9","key":"a"}\nrest', tmp_path / "other.jsonl"
     for cut in range(len(b'{"format":"piec-') + 1, len(data) + 1):
         path.write_bytes(data[:cut])
@@ -70,9 +78,19 @@ def test_a_file_of_another_kind_is_refused_at_every_byte(tmp_path):
 
 @pytest.fixture(scope="module")
 def plan():
-    about = {"env_id": "piec_envs/PlanarArmPush-v0", "robot": "planar_arm", "joints": ("q1", "q2", "q3", "q4")}
+    about = {
+        "env_id": "piec_envs/PlanarArmPush-v0",
+        "robot": "planar_arm",
+        "joints": ("q1", "q2", "q3", "q4"),
+    }
     path = np.linspace(0, 1, 5)[:, None] * [1.5, 1.0, 0.8, 0.5]
-    made = {"objective": "contact", "preset": "default", "seed": 0, "cost": 1.0, "nominal": {"d2g": 0.1}}
+    made = {
+        "objective": "contact",
+        "preset": "default",
+        "seed": 0,
+        "cost": 1.0,
+        "nominal": {"d2g": 0.1},
+    }
     return Plan(horizon=4, env_kwargs={}, path=path, via_points=np.zeros((2, 4)), **about, **made)
 
 
@@ -88,7 +106,9 @@ def test_no_part_of_a_plan_file_is_a_plan(plan, tmp_path):
 
 
 def test_a_damaged_plan_file_is_the_same_plan_or_none(plan, tmp_path):
-    """One byte turned over, at every place: of some nothing depends, such as the time in the archive."""
+    """One byte turned over, at every place: of some nothing depends, such as the time in the
+    archive.
+    """
     path = plan.save(tmp_path / "damaged.npz")
     data = path.read_bytes()
     for place in range(len(data)):

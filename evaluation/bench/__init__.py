@@ -31,7 +31,8 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         progress: whether to show a progress bar.
 
     Returns:
-        "rows" of a table (benchmark, result, unit, wanted, met, note), "sizes", "machine", "versions" and "source".
+        "rows" of a table (benchmark, result, unit, wanted, met, note), "sizes", "machine",
+        "versions" and "source".
     """
     benchmarks: dict[str, Callable[[Sizes], list[Row]]] = {
         "contact step": contact_step,
@@ -56,6 +57,10 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         for name, benchmark in bar:
             bar.set_postfix_str(name)
             rows += benchmark(sizes)
-    machine = {"cores": available_threads(), "system": platform.system(), "architecture": platform.machine()}
+    machine = {
+        "cores": available_threads(),
+        "system": platform.system(),
+        "architecture": platform.machine(),
+    }
     made_by = {"versions": provenance.versions(), "source": provenance.source()}
     return {"rows": rows, "sizes": asdict(sizes), "machine": machine, **made_by}

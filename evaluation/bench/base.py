@@ -71,8 +71,20 @@ QUICK = Sizes(
     single_steps=50,
     fields=5,
     table=(33, 0.4),
-    planner=(("restarts", 1), ("robust_iterations", 0), ("iterations", 2), ("population", 4), ("start", "rest")),
-    default=(("restarts", 2), ("robust_iterations", 1), ("iterations", 2), ("population", 4), ("start", "rest")),
+    planner=(
+        ("restarts", 1),
+        ("robust_iterations", 0),
+        ("iterations", 2),
+        ("population", 4),
+        ("start", "rest"),
+    ),
+    default=(
+        ("restarts", 2),
+        ("robust_iterations", 1),
+        ("iterations", 2),
+        ("population", 4),
+        ("start", "rest"),
+    ),
     demo=("warm",),
     demo_budget=("--smoke",),
     plans=5,
@@ -116,7 +128,14 @@ def row(benchmark: str, result: float, unit: str, wanted: str = "", note: str = 
         InvalidParameterError: as `verdict` does.
     """
     met = verdict(float(result), wanted)
-    return {"benchmark": benchmark, "result": float(result), "unit": unit, "wanted": wanted, "met": met, "note": note}
+    return {
+        "benchmark": benchmark,
+        "result": float(result),
+        "unit": unit,
+        "wanted": wanted,
+        "met": met,
+        "note": note,
+    }
 
 
 def verdict(result: float, wanted: str) -> str:
@@ -136,7 +155,9 @@ def verdict(result: float, wanted: str) -> str:
         return ""
     bound, _, number = wanted.rpartition(" ")
     if bound not in BOUNDS:
-        raise InvalidParameterError(f"what is wanted is such as 'at most 3' or 'at least 3', got {wanted!r}")
+        raise InvalidParameterError(
+            f"what is wanted is such as 'at most 3' or 'at least 3', got {wanted!r}"
+        )
     return "pass" if BOUNDS[bound](result, float(number)) else "miss"
 
 

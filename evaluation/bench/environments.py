@@ -18,7 +18,10 @@ from evaluation.studies import PUSH
 def vector_steps(sizes: Sizes) -> list[Row]:
     """Steps per second of the native VectorEnv and of single environments stepped in turn."""
     rows = []
-    for label, kwargs, wanted in (("no field", {"escape_field": None}, "at least 50"), ("defaults", {}, "")):
+    for label, kwargs, wanted in (
+        ("no field", {"escape_field": None}, "at least 50"),
+        ("defaults", {}, ""),
+    ):
         native = gym.make_vec(PUSH, num_envs=sizes.envs, **kwargs)
         turns = gym.make_vec(PUSH, num_envs=sizes.envs, vectorization_mode="sync", **kwargs)
         rates = [
@@ -27,7 +30,13 @@ def vector_steps(sizes: Sizes) -> list[Row]:
         ]
         turns.close()
         rows += [
-            row(f"native VectorEnv, {label}", rates[0], "steps/s", "", f"{sizes.envs} rows, all cores"),
+            row(
+                f"native VectorEnv, {label}",
+                rates[0],
+                "steps/s",
+                "",
+                f"{sizes.envs} rows, all cores",
+            ),
             row(f"SyncVectorEnv, {label}", rates[1], "steps/s", "", f"{sizes.envs} rows"),
             row(f"native over Sync, {label}", rates[0] / rates[1], "times", wanted),
         ]
@@ -50,7 +59,10 @@ def _env_rate(envs: Any, steps: int, repeats: int) -> float:
 def single_step(sizes: Sizes) -> list[Row]:
     """One step of a single environment as `gym.make` gives it."""
     rows = []
-    for label, kwargs, wanted in (("no field", {"escape_field": None}, "at most 60"), ("defaults", {}, "")):
+    for label, kwargs, wanted in (
+        ("no field", {"escape_field": None}, "at most 60"),
+        ("defaults", {}, ""),
+    ):
         env = gym.make(PUSH, **kwargs)
         actions = np.random.default_rng(0).uniform(-1, 1, (sizes.single_steps, 4))
         times = []
@@ -60,7 +72,9 @@ def single_step(sizes: Sizes) -> list[Row]:
             for action in actions:
                 env.step(action)
             times.append((time.perf_counter() - begin) / len(actions))
-        rows.append(row(f"single env step, {label}", 1e6 * float(np.median(times[1:])), "us", wanted))
+        rows.append(
+            row(f"single env step, {label}", 1e6 * float(np.median(times[1:])), "us", wanted)
+        )
     return rows
 
 
@@ -73,7 +87,15 @@ def rollout_threads(sizes: Sizes) -> list[Row]:
             model, start = make_started(threads=threads, **kwargs)
             call = partial(model.rollout, start, controls)
             rate = sizes.envs * sizes.env_steps / median_seconds(call, sizes.repeats)
-            rows.append(row(f"rollout, {label}, threads: {threads}", rate, "steps/s", "", f"{sizes.envs} rows"))
+            rows.append(
+                row(
+                    f"rollout, {label}, threads: {threads}",
+                    rate,
+                    "steps/s",
+                    "",
+                    f"{sizes.envs} rows",
+                )
+            )
     return rows
 
 

@@ -1,4 +1,6 @@
-"""Queries of the learned field, the paper's network in torch beside it, and of the table, on one core."""
+"""Queries of the learned field, the paper's network in torch beside it, and of the table, on one
+core.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,11 @@ PAPER_SHAPE = (6, 256, 6)  # inputs, width and depth of the paper's network
 
 
 def network_queries(sizes: Sizes) -> list[Row]:
-    """One point for each configuration; every batch is asked so often that the clock does not count."""
-    rng, rows = np.random.default_rng(0), []
+    """One point for each configuration; every batch is asked so often that the clock does not
+    count.
+    """
+    rng = np.random.default_rng(0)
+    rows = []
     field = NetworkField("planar_arm", threads=1)
     for count, wanted in BATCHES.items():
         q = draw_configurations("planar_arm", "uniform", count, rng)
@@ -25,21 +30,37 @@ def network_queries(sizes: Sizes) -> list[Row]:
         ours = _seconds(partial(field.query, points, q), count, sizes.repeats)
         shape = field.weights.arrays["w"].shape
         note = f"one core, {shape[0] + 1} x {shape[1]}, the weights that ship"
-        rows.append(row(f"field, network, {count} points", 1e6 * ours, "us a point", f"at most {wanted:g}", note))
+        rows.append(
+            row(
+                f"field, network, {count} points",
+                1e6 * ours,
+                "us a point",
+                f"at most {wanted:g}",
+                note,
+            )
+        )
         if find_spec("torch") is None:
             rows.append(
-                {**row(f"torch over network, {count} points", np.nan, "times"), "note": "torch is not installed"}
+                {
+                    **row(f"torch over network, {count} points", np.nan, "times"),
+                    "note": "torch is not installed",
+                }
             )
             continue
         theirs = _seconds(_paper_network(points, q), count, sizes.repeats)
         note = f"the paper's 6 x 256 in torch, one thread: {1e6 * theirs:.3g} us a point"
-        rows.append(row(f"torch over network, {count} points", theirs / ours, "times", "at least 6", note))
+        rows.append(
+            row(f"torch over network, {count} points", theirs / ours, "times", "at least 6", note)
+        )
     return rows
 
 
 def table_queries(sizes: Sizes) -> list[Row]:
-    """One point for each of many unrelated configurations, values and gradients; the table is made first."""
-    rng, rows = np.random.default_rng(0), []
+    """One point for each of many unrelated configurations, values and gradients; the table is made
+    first.
+    """
+    rng = np.random.default_rng(0)
+    rows = []
     nodes, spacing = sizes.table
     TableField(TABLED, nodes, spacing)
     field = TableField(TABLED, nodes, spacing, threads=1)
@@ -49,7 +70,9 @@ def table_queries(sizes: Sizes) -> list[Row]:
         points = rng.uniform(-0.7, 0.7, (count, 1, 2))
         for name, ask in (("values", field.query), ("gradients", field.gradients)):
             seconds = _seconds(partial(ask, points, q), count, sizes.repeats)
-            rows.append(row(f"field, table, {name}, {count} points", 1e6 * seconds, "us a point", note=note))
+            rows.append(
+                row(f"field, table, {name}, {count} points", 1e6 * seconds, "us a point", note=note)
+            )
     return rows
 
 
@@ -80,7 +103,9 @@ def _paper_network(points: np.ndarray, q: np.ndarray):
         threads = torch.get_num_threads()
         torch.set_num_threads(1)
         with torch.inference_mode():
-            found = module(torch.from_numpy(np.concatenate([points[:, 0], q], axis=1).astype(np.float32))).numpy()
+            found = module(
+                torch.from_numpy(np.concatenate([points[:, 0], q], axis=1).astype(np.float32))
+            ).numpy()
         torch.set_num_threads(threads)
         return found
 

@@ -7,7 +7,15 @@ from functools import partial
 import numpy as np
 
 from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
-from piec_envs import Commands, GridField, MissingDependencyError, Plant, QuasiDynamics, make_model, provenance
+from piec_envs import (
+    Commands,
+    GridField,
+    MissingDependencyError,
+    Plant,
+    QuasiDynamics,
+    make_model,
+    provenance,
+)
 
 
 def contact_step(sizes: Sizes) -> list[Row]:
@@ -20,21 +28,38 @@ def contact_step(sizes: Sizes) -> list[Row]:
     found = {}
     for solver, rows, repeats in (("fast", sizes.rows, sizes.repeats), ("osqp", 1, 3)):
         dynamics = QuasiDynamics(solver, threads=1)
-        q_r, q_cmd, pose = (np.repeat(value, rows, axis=0) for value in (state.q_r, state.q_cmd, state.pose))
+        q_r, q_cmd, pose = (
+            np.repeat(value, rows, axis=0) for value in (state.q_r, state.q_cmd, state.pose)
+        )
         plant = Plant("planar_arm", ["circle"] * rows, np.full(rows, 0.5))
         call = partial(dynamics.rollout, q_r, q_cmd, pose, Commands(actions[:rows]), plant)
         share = float(call().contact[:, 1:].any(axis=2).mean())
         found[solver] = median_seconds(call, repeats) / (rows * sizes.motion), share
-    (fast, share), (osqp, osqp_share) = found["fast"], found["osqp"]
+    (fast, share) = found["fast"]
+    (osqp, osqp_share) = found["osqp"]
     return [
-        row("contact step, fast", 1e6 * fast, "us", "", f"one core, in contact {100 * share:.0f} % of the steps"),
-        row("contact step, osqp", 1e6 * osqp, "us", "", f"one core, in contact {100 * osqp_share:.0f} % of the steps"),
+        row(
+            "contact step, fast",
+            1e6 * fast,
+            "us",
+            "",
+            f"one core, in contact {100 * share:.0f} % of the steps",
+        ),
+        row(
+            "contact step, osqp",
+            1e6 * osqp,
+            "us",
+            "",
+            f"one core, in contact {100 * osqp_share:.0f} % of the steps",
+        ),
         row("contact step, fast over osqp", osqp / fast, "times", "at least 300", "per core"),
     ]
 
 
 def franka_steps(sizes: Sizes) -> list[Row]:
-    """Batched rollouts of the mobile Franka on one core while its arm carries a caged object, and all they measure."""
+    """Batched rollouts of the mobile Franka on one core while its arm carries a caged object, and
+    all they measure.
+    """
     rows = []
     for name, wanted in (("circle_119", "at most 3"), ("box_212", "at most 10")):
         for sigma in (0.0, 0.005):
@@ -47,20 +72,32 @@ def franka_steps(sizes: Sizes) -> list[Row]:
 
 
 def _carry(sizes: Sizes, name: str, sigma: float, label: str, wanted: str) -> Row:
-    """Time of a step while the base carries the object to the goal and the arm closes on it a little."""
+    """Time of a step while the base carries the object to the goal and the arm closes on it a
+    little.
+    """
     model = make_model(
-        "piec_envs/MobileFrankaPush-v0", start="cage", object=name, disturbance=sigma, escape_field=None, threads=1
+        "piec_envs/MobileFrankaPush-v0",
+        start="cage",
+        object=name,
+        disturbance=sigma,
+        escape_field=None,
+        threads=1,
     )
-    time, task = np.arange(1, sizes.motion + 1) / sizes.motion, model.task
+    time = np.arange(1, sizes.motion + 1) / sizes.motion
+    task = model.task
     path = np.tile(model.setup.posture, (sizes.rows, sizes.motion, 1))
     path[:, :, :2] += np.minimum(1.0, time / 0.6)[:, None] * (task.goal - task.start[:2])
-    path[:, :, 3:] -= 0.1 * time[None, :, None] * np.random.default_rng(0).uniform(0, 1, (sizes.rows, 1, 2))
+    path[:, :, 3:] -= (
+        0.1 * time[None, :, None] * np.random.default_rng(0).uniform(0, 1, (sizes.rows, 1, 2))
+    )
     states = model.reset(0).take([0] * sizes.rows)
     states.seed = np.arange(sizes.rows)
     call = partial(model.rollout, states, path, absolute=True)
     share = float((call().motion.active[:, 1:] > 0).mean())
     seconds = median_seconds(call, sizes.repeats) / (sizes.rows * sizes.motion)
-    return row(label, 1e6 * seconds, "us", wanted, f"one core, in contact {100 * share:.0f} % of the steps")
+    return row(
+        label, 1e6 * seconds, "us", wanted, f"one core, in contact {100 * share:.0f} % of the steps"
+    )
 
 
 def slowest_steps(sizes: Sizes) -> list[Row]:
@@ -68,23 +105,39 @@ def slowest_steps(sizes: Sizes) -> list[Row]:
 
     Each state is timed as a batch of equal rows, so that the call itself does not count.
     """
-    rng, rows, copies = np.random.default_rng(0), sizes.rows, 256
+    rng = np.random.default_rng(0)
+    rows = sizes.rows
+    copies = 256
     q = np.array([0.0, 1.2, 1.5, 1.5]) + rng.uniform(-0.1, 0.1, (rows, 4))
-    pose = np.column_stack([0.4 + rng.uniform(-0.03, 0.03, rows), 0.2 + rng.uniform(-0.03, 0.03, rows), np.zeros(rows)])
+    pose = np.column_stack(
+        [0.4 + rng.uniform(-0.03, 0.03, rows), 0.2 + rng.uniform(-0.03, 0.03, rows), np.zeros(rows)]
+    )
     dynamics = QuasiDynamics("fast", threads=1)
     closing = Commands(np.tile([0.0, 1.0, 1.0, 1.0], (rows, 400, 1)))
-    motion = dynamics.rollout(q, q, pose, closing, Plant("planar_arm", ["circle"] * rows, np.full(rows, 0.5)))
+    motion = dynamics.rollout(
+        q, q, pose, closing, Plant("planar_arm", ["circle"] * rows, np.full(rows, 0.5))
+    )
     plant = Plant("planar_arm", ["circle"] * copies, np.full(copies, 0.5))
     one = Commands(np.tile([0.0, 1.0, 1.0, 1.0], (copies, 1, 1)))
-    times, active = [], []
-    for i, t in zip(rng.integers(rows, size=sizes.states), rng.integers(400, size=sizes.states), strict=True):
+    times = []
+    active = []
+    for i, t in zip(
+        rng.integers(rows, size=sizes.states), rng.integers(400, size=sizes.states), strict=True
+    ):
         q_r, q_cmd, here = (
-            np.repeat(array[i, t][None], copies, axis=0) for array in (motion.q_r, motion.q_cmd, motion.pose)
+            np.repeat(array[i, t][None], copies, axis=0)
+            for array in (motion.q_r, motion.q_cmd, motion.pose)
         )
-        times.append(median_seconds(partial(dynamics.rollout, q_r, q_cmd, here, one, plant), 5) / copies)
+        times.append(
+            median_seconds(partial(dynamics.rollout, q_r, q_cmd, here, one, plant), 5) / copies
+        )
         active.append(motion.active[i, t + 1])
-    median, slow = np.median(times), np.percentile(times, 99)
-    note = f"{sizes.states} states, {100 * np.mean(np.array(active) >= 3):.0f} % with three or more active multipliers"
+    median = np.median(times)
+    slow = np.percentile(times, 99)
+    note = (
+        f"{sizes.states} states, {100 * np.mean(np.array(active) >= 3):.0f} % with three or "
+        f"more active multipliers"
+    )
     return [
         row("contact step, median state", 1e6 * median, "us", "", note),
         row("contact step, slowest percentile over median", slow / median, "times", "at most 10"),
@@ -104,18 +157,39 @@ def escape_fields(sizes: Sizes, resolution: int = 100) -> list[Row]:
     rng = np.random.default_rng(0)
     q = rng.uniform(-2.6, 2.6, (sizes.fields, 4))
     points = np.tile([[[0.35, 0.1]]], (sizes.fields, 1, 1))
-    seconds, rows = {}, []
+    seconds = {}
+    rows = []
     for method in ("marching", "sweeping"):
         field = GridField("planar_arm", resolution, method, threads=1)
-        seconds[method] = median_seconds(partial(field.query, points, q), sizes.repeats) / sizes.fields
-        rows.append(row(f"field, {method}", 1e3 * seconds[method], "ms", "", f"one core, {resolution} x {resolution}"))
+        seconds[method] = (
+            median_seconds(partial(field.query, points, q), sizes.repeats) / sizes.fields
+        )
+        rows.append(
+            row(
+                f"field, {method}",
+                1e3 * seconds[method],
+                "ms",
+                "",
+                f"one core, {resolution} x {resolution}",
+            )
+        )
     reference = _scikit_fmm(q, resolution, sizes.repeats)
     if reference is None:
         note = f"needs scikit-fmm: {provenance.install_command('dev')}"
         return [*rows, {**row("field, scikit-fmm", np.nan, "ms"), "note": note}]
-    rows.append(row("field, scikit-fmm", 1e3 * reference, "ms", "", "second order, speed map not counted"))
+    rows.append(
+        row("field, scikit-fmm", 1e3 * reference, "ms", "", "second order, speed map not counted")
+    )
     for method, wanted in (("marching", "at least 1.2"), ("sweeping", "at least 3")):
-        rows.append(row(f"{method} over scikit-fmm", reference / seconds[method], "times", wanted, "per core"))
+        rows.append(
+            row(
+                f"{method} over scikit-fmm",
+                reference / seconds[method],
+                "times",
+                wanted,
+                "per core",
+            )
+        )
     return rows
 
 

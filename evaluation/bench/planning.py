@@ -30,11 +30,15 @@ def default_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
     for objective in ("contact", "caging"):
         planner = CmaEsPlanner(objective=objective, **dict(sizes.default))
         planner_once = CmaEsPlanner(objective=objective, **{**dict(sizes.default), **ONCE})
-        planner_once.plan(PUSH, seed=0, progress=False)  # kernels and field are loaded before the clock
+        # kernels and field are loaded before the clock
+        planner_once.plan(PUSH, seed=0, progress=False)
         begin = time.perf_counter()
         plan = planner.plan(PUSH, seed=0, progress=progress)
         seconds = time.perf_counter() - begin
-        note = f"{planner.rollouts} trajectories x {plan.horizon} steps, {planner.restarts} searches, warm"
+        note = (
+            f"{planner.rollouts} trajectories x {plan.horizon} steps, {planner.restarts} "
+            f"searches, warm"
+        )
         rows.append(row(f"default plan, {objective}", seconds, "s", "", note))
     return rows
 
@@ -52,14 +56,18 @@ def one_search(sizes: Sizes, progress: bool = False) -> list[Row]:
     Returns:
         Lines of the table.
     """
-    rows, plans = [], {}
+    rows = []
+    plans = {}
     chosen = dict(sizes.planner)
     for objective, wanted in (("contact", "at most 10"), ("caging", "at most 15")):
         every = {"escape_every": 1} if objective == "caging" else {}
         planner = CmaEsPlanner(objective=objective, **{**chosen, **every})
         begin = time.perf_counter()
         plans[objective] = planner.plan(PUSH, seed=0, progress=progress)
-        note = f"{planner.iterations} iterations x {planner.population} trajectories x {plans[objective].horizon} steps"
+        note = (
+            f"{planner.iterations} iterations x {planner.population} trajectories x "
+            f"{plans[objective].horizon} steps"
+        )
         if objective == "caging":
             note += f", field {plans[objective].env_kwargs['escape_field']} at every step"
         rows.append(row(f"one search, {objective}", time.perf_counter() - begin, "s", wanted, note))
@@ -80,9 +88,11 @@ def franka_plan(sizes: Sizes, progress: bool = False) -> list[Row]:
         One line of the table, without a result where the package with the meshes is missing.
     """
     planner = CmaEsPlanner(**{**FRANKA_PLANNER, **dict(sizes.planner)})
-    label, wanted = "one search, mobile Franka, caging", "at most 60"
+    label = "one search, mobile Franka, caging"
+    wanted = "at most 60"
     try:
-        choose_field("table", get_task("mobile_franka_push").robot)  # solved, or read from the cache, before the clock
+        # solved, or read from the cache, before the clock
+        choose_field("table", get_task("mobile_franka_push").robot)
         begin = time.perf_counter()
         planner.plan(FRANKA_PUSH, seed=0, progress=progress)
     except MissingDependencyError as error:
@@ -91,7 +101,9 @@ def franka_plan(sizes: Sizes, progress: bool = False) -> list[Row]:
 
 
 def static_caging(sizes: Sizes) -> list[Row]:
-    """One search of CMA-ES for a posture that encloses three discs, with the robot's default field."""
+    """One search of CMA-ES for a posture that encloses three discs, with the robot's
+    default field.
+    """
     field = choose_field("auto", "planar_arm")
     problem = CagingProblem("planar_arm", "three_discs", np.array([0.25, 0.15, 0.0]), field)
     search = CmaEsConfiguration()
@@ -119,7 +131,8 @@ def rank_correlation(plan: Plan, k: int, count: int) -> float:
     for every in (k, 1):
         model, start = make_started(**{**plan.env_kwargs, "escape_every": every})
         robot = model.robot
-        lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
+        lower = robot.joint_array("lower")
+        upper = robot.joint_array("upper")
         via = np.clip(plan.via_points + shift, lower, upper)
         path = ViaPointTrajectory(len(plan.via_points), plan.horizon).path(robot.home, via)
         costs.append(model.rollout(start, np.clip(path, lower, upper), absolute=True).cost)

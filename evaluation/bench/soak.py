@@ -1,7 +1,8 @@
-"""`piec bench --soak`: many random steps over all ids, dynamics and objects, and what went wrong in them.
+"""`piec bench --soak`: many random steps over all ids, dynamics and objects, and what went wrong in
+them.
 
-The work is cut into cells, one for each id, dynamics, object and preset. A record is written after each cell,
-and a run goes on where the record of the same work ends.
+The work is cut into cells, one for each id, dynamics, object and preset. A record is written after
+each cell, and a run goes on where the record of the same work ends.
 """
 
 from __future__ import annotations
@@ -122,14 +123,18 @@ def run_cell(cell: Cell, seed: int) -> dict[str, Any]:
 
 
 def _make_envs(cell: Cell, rows: int, rng: np.random.Generator) -> Any:
-    """The environments of a cell, whose arm starts beside the object; capsules where there are no meshes."""
+    """The environments of a cell, whose arm starts beside the object; capsules where there are no
+    meshes.
+    """
     kwargs: dict[str, Any] = {"object": cell.object}
     if cell.dynamics == "static":
         return _make(cell, rows, kwargs)
     kwargs |= {"dynamics": cell.dynamics, "preset": cell.preset, "randomize": PLANT}
     kwargs |= {"start_noise": (0.01, 0.05), "escape_field": None, "prior": "contact"}
     model = _make(cell, rows, kwargs).unwrapped.model
-    return _make(cell, rows, {**kwargs, "start": _beside(model.robot, cell.object, model.task.start, rng)})
+    return _make(
+        cell, rows, {**kwargs, "start": _beside(model.robot, cell.object, model.task.start, rng)}
+    )
 
 
 def _make(cell: Cell, rows: int, kwargs: dict[str, Any]) -> Any:
@@ -139,7 +144,9 @@ def _make(cell: Cell, rows: int, kwargs: dict[str, Any]) -> Any:
         return gym.make_vec(cell.env_id, num_envs=rows, geometry="capsules", **kwargs)
 
 
-def _beside(robot: Robot, object_name: str, pose: np.ndarray, rng: np.random.Generator) -> list[float]:
+def _beside(
+    robot: Robot, object_name: str, pose: np.ndarray, rng: np.random.Generator
+) -> list[float]:
     """A random posture in which the arm is near the object and clear of it."""
     low = robot.joint_array("lower").copy()
     high = robot.joint_array("upper").copy()
@@ -175,7 +182,8 @@ def run_soak(steps: int, out: Path, seed: int = 0, progress: bool = True) -> dic
         progress: whether to show a progress bar.
 
     Returns:
-        The record: "rows" (one for each cell), "summary", "steps", "seed", "machine", "versions" and "source".
+        The record: "rows" (one for each cell), "summary", "steps", "seed", "machine", "versions"
+        and "source".
     """
     cells = make_cells(steps)
     done = _recorded(out, steps, seed)
@@ -192,7 +200,12 @@ def _recorded(out: Path, steps: int, seed: int) -> list[dict[str, Any]]:
     if not out.is_file():
         return []
     record = json.loads(out.read_text())
-    wanted = {"steps": steps, "seed": seed, "versions": provenance.versions(), "source": provenance.source()}
+    wanted = {
+        "steps": steps,
+        "seed": seed,
+        "versions": provenance.versions(),
+        "source": provenance.source(),
+    }
     same = all(record.get(name) == to_json(value) for name, value in wanted.items())
     return record["rows"] if same and not record["summary"]["complete"] else []
 
@@ -209,7 +222,9 @@ def summarise(rows: list[dict[str, Any]], steps: int) -> dict[str, Any]:
     """
     totals = {name: sum(row[name] for row in rows) for name in COUNTS}
     depths = {
-        f"penetration, {kind}": max((row["penetration"] for row in rows if row["dynamics"] == kind), default=0.0)
+        f"penetration, {kind}": max(
+            (row["penetration"] for row in rows if row["dynamics"] == kind), default=0.0
+        )
         for kind in DYNAMICS
     }
     memory = [row["memory"] for row in rows if row["process"] == rows[-1]["process"]]
@@ -235,13 +250,22 @@ def write_record(rows: list[dict[str, Any]], steps: int, seed: int, out: Path) -
     Returns:
         The record.
     """
-    machine = {"cores": available_threads(), "system": platform.system(), "architecture": platform.machine()}
+    machine = {
+        "cores": available_threads(),
+        "system": platform.system(),
+        "architecture": platform.machine(),
+    }
     summary = summarise(rows, steps)
     made_by = {"machine": machine, "versions": provenance.versions(), "source": provenance.source()}
     record = {"rows": rows, "summary": summary, "steps": steps, "seed": seed, **made_by}
     write_atomic(out, json.dumps(to_json(record), indent=1, allow_nan=False) + "\n")
     table = markdown([{"figure": name, "value": value} for name, value in summary.items()])
-    cells = markdown([{name: row[name] for name in row if name not in ("process", "memory")} for row in rows])
-    text = f"# Soak\n\n`piec bench --soak {steps}`: random actions, each held for {HOLD} steps.\n\n{table}\n\n{cells}\n"
+    cells = markdown(
+        [{name: row[name] for name in row if name not in ("process", "memory")} for row in rows]
+    )
+    text = (
+        f"# Soak\n\n`piec bench --soak {steps}`: random actions, each held for {HOLD} "
+        f"steps.\n\n{table}\n\n{cells}\n"
+    )
     write_atomic(out.with_suffix(".md"), text)
     return record

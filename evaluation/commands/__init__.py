@@ -62,10 +62,16 @@ class Command:
 COMMANDS = {
     row.name: row
     for row in (
-        Command("list", "list environments, objects, protocols, studies and more", ("piec list",), "listing"),
+        Command(
+            "list",
+            "list environments, objects, protocols, studies and more",
+            ("piec list",),
+            "listing",
+        ),
         Command(
             "demo",
-            "plan with three objectives, disturb the object, print a table, draw a picture and an animation",
+            "plan with three objectives, disturb the object, print a table, draw a picture and "
+            "an animation",
             ("piec demo", "piec demo --out runs/demo --seed 1"),
             "demo",
         ),
@@ -90,7 +96,10 @@ COMMANDS = {
         Command(
             "reproduce",
             "run a study of the paper again, or go on with one that was stopped",
-            ("piec reproduce planar-disturbance --jobs 2", "piec reproduce all --smoke --out runs/smoke"),
+            (
+                "piec reproduce planar-disturbance --jobs 2",
+                "piec reproduce all --smoke --out runs/smoke",
+            ),
             "reproduce",
         ),
         Command(
@@ -98,7 +107,8 @@ COMMANDS = {
             "train an escape field, or go on with a training that was stopped",
             (
                 "piec train-field --robot planar_arm --recipe network",
-                "piec train-field --recipe pinn --seed 1 --set rounds=2 iterations=200 --out runs/quick",
+                "piec train-field --recipe pinn --seed 1 --set rounds=2 iterations=200 --out "
+                "runs/quick",
             ),
             "train_field",
         ),
@@ -107,11 +117,17 @@ COMMANDS = {
             "train an agent with Stable-Baselines3, or go on with a training that was stopped",
             (
                 "piec train --algo ppo --env piec_envs/PlanarArmPush-v0",
-                "piec train --algo sac --steps 20000 --hyper n_envs=16 --set prior=contact --out runs/train/quick",
+                "piec train --algo sac --steps 20000 --hyper n_envs=16 --set prior=contact --out "
+                "runs/train/quick",
             ),
             "train",
         ),
-        Command("bench", "measure speeds and write them to a file", ("piec bench", "piec bench --quick"), "bench"),
+        Command(
+            "bench",
+            "measure speeds and write them to a file",
+            ("piec bench", "piec bench --quick"),
+            "bench",
+        ),
         Command(
             "render",
             "draw a plan as an animation, or a state as a picture",
@@ -127,13 +143,18 @@ COMMANDS = {
 
 def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of every command whose work fans out."""
-    parser.add_argument("--jobs", type=int, default=1, help="workers; one uses all cores too (default: %(default)s)")
-    parser.add_argument("--engine", default="local", help=f"where: {', '.join(ENGINES)} (default: %(default)s)")
+    parser.add_argument(
+        "--jobs", type=int, default=1, help="workers; one uses all cores too (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--engine", default="local", help=f"where: {', '.join(ENGINES)} (default: %(default)s)"
+    )
     parser.add_argument(
         "--engine-option",
         nargs="+",
         metavar="NAME=VALUE",
-        help="of ray.init or of submitit, such as slurm_partition=cpu timeout_min=120 (docs/scaling.md)",
+        help="of ray.init or of submitit, such as slurm_partition=cpu timeout_min=120 "
+        "(docs/scaling.md)",
     )
 
 
@@ -158,7 +179,9 @@ def settings(pairs: Sequence[str] | None) -> dict[str, Any]:
     for pair in pairs or []:
         name, equals, text = pair.partition("=")
         if not (equals and name):
-            raise InvalidParameterError(f"a setting is name=value, such as object=square, got {pair!r}")
+            raise InvalidParameterError(
+                f"a setting is name=value, such as object=square, got {pair!r}"
+            )
         try:
             found[name] = json.loads(text)
         except ValueError:
@@ -188,7 +211,8 @@ def fit_settings(kind: str, chosen: Mapping[str, Any], default: Any) -> dict[str
         found[name] = _like(value, getattr(default, name))
         if found[name] is None:
             raise InvalidParameterError(
-                f"{kind} setting {name} is a value such as {getattr(default, name)!r}, got {value!r}"
+                f"{kind} setting {name} is a value such as {getattr(default, name)!r}, got "
+                f"{value!r}"
             )
     return found
 

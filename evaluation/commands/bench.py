@@ -14,14 +14,23 @@ SOAK_STEPS = 10_000_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("--quick", action="store_true", help="small sizes and few repetitions, to see that it runs")
     parser.add_argument(
-        "--soak", nargs="?", type=int, const=SOAK_STEPS, metavar="STEPS",
-        help="no speeds: random steps over all ids, dynamics and objects (default: ten million); goes on where an "
+        "--quick", action="store_true", help="small sizes and few repetitions, to see that it runs"
+    )
+    parser.add_argument(
+        "--soak",
+        nargs="?",
+        type=int,
+        const=SOAK_STEPS,
+        metavar="STEPS",
+        help="no speeds: random steps over all ids, dynamics and objects (default: ten million); "
+        "goes on where an "
         "unfinished record ends",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--out", type=Path, help="file to write, with a table beside it (default: runs/bench.json, runs/soak.json)"
+        "--out",
+        type=Path,
+        help="file to write, with a table beside it (default: runs/bench.json, runs/soak.json)",
     )
 
 
@@ -44,7 +53,9 @@ def run(args: argparse.Namespace) -> Report:
     machine = f"{results['machine']['cores']} cores, {results['machine']['architecture']}"
     paths = [
         write_atomic(out, json.dumps(to_json(results), indent=2, allow_nan=False) + "\n"),
-        write_atomic(out.with_suffix(".md"), f"# Speed\n\n`piec bench` on {machine}; {verdict}.\n\n{table}\n"),
+        write_atomic(
+            out.with_suffix(".md"), f"# Speed\n\n`piec bench` on {machine}; {verdict}.\n\n{table}\n"
+        ),
     ]
     return Report(f"{table}\n{verdict}", {**results, "missed": missed}, paths)
 
@@ -56,5 +67,7 @@ def _soak(steps: int, out: Path) -> Report:
     from piec_envs import as_count
 
     record = run_soak(as_count("--soak", steps), out)
-    table = markdown([{"figure": name, "value": value} for name, value in record["summary"].items()])
+    table = markdown(
+        [{"figure": name, "value": value} for name, value in record["summary"].items()]
+    )
     return Report(table, {"summary": record["summary"]}, [out, out.with_suffix(".md")])

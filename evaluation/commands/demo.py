@@ -14,10 +14,10 @@ from evaluation.commands.stages import Stages
 from piec_envs import console
 
 NOTE = """\
-Open-loop plans of three objectives, same task and same budget, while the object is displaced in every
-step. n counts distinct executions of one plan; the interval is Wilson's, at 95 %. An execution
-succeeds if the object ends in the goal region; d2g is its distance to the region at the end; caging
-is 0.02 times the escape time, mean over time."""
+Open-loop plans of three objectives, same task and same budget, while the object is displaced in
+every step. n counts distinct executions of one plan; the interval is Wilson's, at 95 %. An
+execution succeeds if the object ends in the goal region; d2g is its distance to the region at the
+end; caging is 0.02 times the escape time, mean over time."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,14 @@ class Budget:
         protocol: how the plans are disturbed.
         episodes: rollouts of each plan.
         frames: of the animation, about.
-        seconds: that planning for one objective, executing all plans, and drawing the picture and the
-            animation take on two cores.
+        seconds: that planning for one objective, executing all plans, and drawing the picture and
+            the animation take on two cores.
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
-    planner: Mapping[str, Any] = field(default_factory=lambda: {"restarts": 4, "robust_iterations": 30})
+    planner: Mapping[str, Any] = field(
+        default_factory=lambda: {"restarts": 4, "robust_iterations": 30}
+    )
     protocol: str = "disturbance-5mm"
     episodes: int = 100
     frames: int = 100
@@ -51,9 +53,15 @@ class Budget:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("--out", type=Path, default=Path("runs/demo"), help="folder (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the planners (default: %(default)s)")
-    parser.add_argument("--smoke", action="store_true", help="a tiny budget, to see whether everything runs")
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs/demo"), help="folder (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the planners (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--smoke", action="store_true", help="a tiny budget, to see whether everything runs"
+    )
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -67,13 +75,21 @@ def run(args: argparse.Namespace) -> Report:
     from evaluation.tables import markdown, write_table
 
     budget = Budget.smoke() if args.smoke else Budget()
-    study = StudyRun(args.out, (args.seed,), budget.episodes, progress=not console.quiet(), cache=args.out)
+    study = StudyRun(
+        args.out, (args.seed,), budget.episodes, progress=not console.quiet(), cache=args.out
+    )
     cases = mode_cases(budget.objectives, budget.planner, {})
     plannings = [f"planning for {case.label}" for case in cases]
-    steps = f"executing each plan {budget.episodes} times", "drawing the picture", "drawing the animation"
+    steps = (
+        f"executing each plan {budget.episodes} times",
+        "drawing the picture",
+        "drawing the animation",
+    )
     expected = [*[budget.seconds[0]] * len(cases), *budget.seconds[1:]]
     stages = Stages(
-        dict(zip([*plannings, *steps], expected, strict=True)), console.quiet(), partial(_recorded, args.out)
+        dict(zip([*plannings, *steps], expected, strict=True)),
+        console.quiet(),
+        partial(_recorded, args.out),
     )
     for case, planning in zip(cases, plannings, strict=True):
         with stages.stage(planning, recorded=True):
@@ -91,7 +107,11 @@ def run(args: argparse.Namespace) -> Report:
         every = max(1, drawn[0].steps // budget.frames)
         paths.append(animate_rollouts(drawn, args.out / "animation.gif", every=every))
     stages.end()
-    data = {"protocol": budget.protocol, "plant": plant, "results": dict(zip(budget.objectives, results, strict=True))}
+    data = {
+        "protocol": budget.protocol,
+        "plant": plant,
+        "results": dict(zip(budget.objectives, results, strict=True)),
+    }
     wrote = [*paths, args.out / "records.jsonl", args.out / "plans"]
     return Report(markdown(rows, notes=NOTE, above=above), data, wrote)
 

@@ -16,7 +16,8 @@ GO_ON = "the same command goes on from there"
 
 
 def kept_by(args: argparse.Namespace) -> str:
-    """What of the work of an interrupted command is on the disk, in one sentence without a full stop.
+    """What of the work of an interrupted command is on the disk, in one sentence without a full
+    stop.
 
     Args:
         args: of the command line.
@@ -33,14 +34,25 @@ def _records(paths: Iterable[Path], folder: Path) -> str:
 
     counts: Counter[str] = Counter()
     for path in paths:
-        counts.update(_NAMES.get(record["spec"].get("work"), "pieces of work") for record in read_records(path))
+        counts.update(
+            _NAMES.get(record["spec"].get("work"), "pieces of work")
+            for record in read_records(path)
+        )
     if not counts:
         return NOTHING
-    listed = ", ".join(f"{count} {name if count > 1 else name.replace('s', '', 1)}" for name, count in counts.items())
+    listed = ", ".join(
+        f"{count} {name if count > 1 else name.replace('s', '', 1)}"
+        for name, count in counts.items()
+    )
     return f"{listed} recorded in {folder}; {GO_ON}, and only what was being done is lost"
 
 
-_NAMES = {"plan": "plans", "train": "trainings", "evaluate": "evaluations", "evaluate-file": "evaluations"}
+_NAMES = {
+    "plan": "plans",
+    "train": "trainings",
+    "evaluate": "evaluations",
+    "evaluate-file": "evaluations",
+}
 
 
 def _reproduce(args: argparse.Namespace) -> str:

@@ -21,7 +21,11 @@ def run(args: argparse.Namespace) -> Report:
     lines = []
     for title, rows in tables.items():
         width = max(map(len, rows))
-        lines += [title, *(f"  {name.ljust(width)}  {text}".rstrip() for name, text in rows.items()), ""]
+        lines += [
+            title,
+            *(f"  {name.ljust(width)}  {text}".rstrip() for name, text in rows.items()),
+            "",
+        ]
     return Report("\n".join(lines), tables)
 
 
@@ -81,7 +85,10 @@ def _field(name: str, kind: Any) -> str:
     if name not in RECIPES:
         return summary
     robots = [robot for robot in ROBOTS if has_weights(robot, name)]
-    return f"{summary} Recipe: {RECIPES[name].description}. Weights: {', '.join(robots) or 'none ship'}."
+    return (
+        f"{summary} Recipe: {RECIPES[name].description}. Weights: "
+        f"{', '.join(robots) or 'none ship'}."
+    )
 
 
 def _first_line(item: Any) -> str:

@@ -1,4 +1,6 @@
-"""Checks of what a command is going to write, made before its work: that it can be written, and is ours to replace."""
+"""Checks of what a command is going to write, made before its work: that it can be written, and is
+ours to replace.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,13 @@ TABLES = ("table.md", "table.csv")
 PLANNER = "cma-es"  # where none is asked for
 PLAN = "runs/plans/{objective}-seed{seed}.npz"
 TRAIN = "runs/train/{env}-{algo}-seed{seed}"
-HEADS = {".gif": (0, b"GIF8"), ".png": (0, b"\x89PNG"), ".mp4": (4, b"ftyp")}  # how such files begin
+# how such files begin
+HEADS = {".gif": (0, b"GIF8"), ".png": (0, b"\x89PNG"), ".mp4": (4, b"ftyp")}
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Refuse an `--out` that cannot be written, or under which something lies that the command has not written.
+    """Refuse an `--out` that cannot be written, or under which something lies that the command has
+    not written.
 
     Args:
         args: of the command line; commands that write nothing pass.
@@ -62,7 +66,9 @@ def bench_out(args: argparse.Namespace) -> Path:
 
 def train_out(args: argparse.Namespace) -> Path:
     """The folder that `piec train` writes into."""
-    return args.out or Path(TRAIN.format(env=args.env.rpartition("/")[2], algo=args.algo, seed=args.seed))
+    return args.out or Path(
+        TRAIN.format(env=args.env.rpartition("/")[2], algo=args.algo, seed=args.seed)
+    )
 
 
 def field_out(args: argparse.Namespace) -> Path:
@@ -76,7 +82,8 @@ def render_out(args: argparse.Namespace) -> Path:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be made or written into; whatever is made to find out is removed again.
+    """Refuse a folder that cannot be made or written into; whatever is made to find out is removed
+    again.
 
     Raises:
         InvalidParameterError: saying why.
@@ -87,7 +94,9 @@ def check_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise InvalidParameterError(f"--out: nothing can be written into the folder {folder}: {error}") from error
+        raise InvalidParameterError(
+            f"--out: nothing can be written into the folder {folder}: {error}"
+        ) from error
     finally:
         for path in made:  # the deepest first; one that another process has filled meanwhile stays
             with contextlib.suppress(OSError):
@@ -100,7 +109,8 @@ def check_file(path: Path, kind: str, is_ours: Callable[[Path], bool]) -> None:
     Args:
         path: of the file.
         kind: what the command writes, such as "plan".
-        is_ours: whether an existing file is such a one; it may raise what reading a foreign file raises.
+        is_ours: whether an existing file is such a one; it may raise what reading a foreign file
+            raises.
 
     Raises:
         InvalidParameterError: saying why.
@@ -115,7 +125,9 @@ def check_file(path: Path, kind: str, is_ours: Callable[[Path], bool]) -> None:
     except (PiecError, OSError, ValueError, LookupError, TypeError):
         ours = False
     if not ours:
-        raise InvalidParameterError(f"--out: {path} exists and is no {kind}; it is left alone: choose another name")
+        raise InvalidParameterError(
+            f"--out: {path} exists and is no {kind}; it is left alone: choose another name"
+        )
 
 
 def _plan(args: argparse.Namespace) -> None:
@@ -132,7 +144,11 @@ def _bench(args: argparse.Namespace) -> None:
     key, title = ("machine", "# Speed\n") if args.soak is None else ("summary", "# Soak\n")
     out = bench_out(args)
     check_file(out, "file of piec bench", partial(_has_rows_and, key))
-    check_file(out.with_suffix(".md"), "table of piec bench", lambda path: path.read_text().startswith(title))
+    check_file(
+        out.with_suffix(".md"),
+        "table of piec bench",
+        lambda path: path.read_text().startswith(title),
+    )
 
 
 def _has_rows_and(key: str, path: Path) -> bool:
@@ -163,7 +179,8 @@ def _study_folder(folder: Path, files: Iterable[str] = TABLES) -> None:
         for name in files:
             if (folder / name).exists():
                 raise InvalidParameterError(
-                    f"--out: {folder / name} exists, and no {RECORDS} beside it: it is not this command's, and is "
+                    f"--out: {folder / name} exists, and no {RECORDS} beside it: it is not this "
+                    f"command's, and is "
                     "left alone; choose another folder"
                 )
 

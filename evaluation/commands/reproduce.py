@@ -16,17 +16,24 @@ OUT = Path("runs/reproduce")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("study", help="name from `piec list`, or all")
-    parser.add_argument("--out", type=Path, default=OUT, help="folder of all studies (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=Path, default=OUT, help="folder of all studies (default: %(default)s)"
+    )
     parser.add_argument(
         "--fresh",
         action="store_true",
-        help="do all of it anew, with nothing that is committed or that other sources than the present have made",
+        help="do all of it anew, with nothing that is committed or that other sources than the "
+        "present have made",
     )
     parser.add_argument(
-        "--fresh-evaluations", action="store_true", help="the same, but with plans, agents and fields as they are"
+        "--fresh-evaluations",
+        action="store_true",
+        help="the same, but with plans, agents and fields as they are",
     )
     add_worker_arguments(parser)
-    parser.add_argument("--smoke", action="store_true", help="tiny budgets, to see whether everything runs")
+    parser.add_argument(
+        "--smoke", action="store_true", help="tiny budgets, to see whether everything runs"
+    )
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -34,7 +41,9 @@ def run(args: argparse.Namespace) -> Report:
     from evaluation.studies import STUDIES, get_study
 
     names = list(STUDIES) if args.study == "all" else [get_study(args.study).name]
-    texts, data, wrote = [], {}, []
+    texts = []
+    data = {}
+    wrote = []
     with open_workers(args) as workers:
         for name in names:
             outcome = _run_study(name, args, workers)
@@ -64,7 +73,10 @@ def _run_study(name: str, args: argparse.Namespace, workers: Any) -> _Outcome:
     if args.fresh or args.fresh_evaluations:
         removed = clear(args.out, name, evaluations_only=not args.fresh)
         if removed:
-            print(f"piec: {removed} records of other sources removed from {args.out / name}", file=sys.stderr)
+            print(
+                f"piec: {removed} records of other sources removed from {args.out / name}",
+                file=sys.stderr,
+            )
     if committed and not args.fresh:
         bring_files(committed, args.out, name)
     own = committed is not None and args.out.resolve() == committed
@@ -89,7 +101,9 @@ def _takeable(base: dict[str, Any], args: argparse.Namespace) -> dict[str, Any]:
     return base
 
 
-def _account(name: str, ledger: Any, base: dict[str, Any], folder: Path) -> tuple[str, dict[str, Any], list[Path]]:
+def _account(
+    name: str, ledger: Any, base: dict[str, Any], folder: Path
+) -> tuple[str, dict[str, Any], list[Path]]:
     """Where the results come from, and how they compare with the committed ones."""
     from evaluation.comparison import compare, comparison_table, summary, write_comparison
     from evaluation.reuse import origins
@@ -107,12 +121,22 @@ def _account(name: str, ledger: Any, base: dict[str, Any], folder: Path) -> tupl
     for kind, where in words.items():
         if counts[kind]:
             made_by = origins(getattr(ledger, kind).values())
-            lines.append(f"{name}: {counts[kind]} of {total} pieces of work {where} (made by {made_by})")
-    data: dict[str, Any] = {"pieces": total, "from_committed": counts["taken"], "from_earlier": counts["earlier"]}
+            lines.append(
+                f"{name}: {counts[kind]} of {total} pieces of work {where} (made by {made_by})"
+            )
+    data: dict[str, Any] = {
+        "pieces": total,
+        "from_committed": counts["taken"],
+        "from_earlier": counts["earlier"],
+    }
     data["done"] = counts["done"]
     found = compare(base, ledger.own, ledger.labels)
     if not found:
-        nothing = "nothing of it is done here: --fresh does all of it anew" if counts["taken"] == total else ""
+        nothing = (
+            "nothing of it is done here: --fresh does all of it anew"
+            if counts["taken"] == total
+            else ""
+        )
         return "\n".join([*lines, *([nothing] if nothing else [])]) + "\n", data, []
     differ = sum(item.size > 0 for item in found)
     data["compared"] = {"values": len(found), "differ": differ}

@@ -43,7 +43,10 @@ def load_sources(paths: Sequence[Path]) -> list[Source]:
     """
     made = [_load(path) for path in paths]
     names = [_short(path) for path in paths]
-    unique = [name if names.count(name) == 1 else str(path) for path, name in zip(paths, names, strict=True)]
+    unique = [
+        name if names.count(name) == 1 else str(path)
+        for path, name in zip(paths, names, strict=True)
+    ]
     return [Source(*entry) for entry in zip(paths, made, unique, strict=True)]
 
 
@@ -67,16 +70,23 @@ def add_plant_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plant",
         default=OWN,
-        help="what --set overrides: own (the task and the nominal model that the file was made for), disturbed "
-        "(these, with what was drawn or fled while it was made) or default (its task in the environment's default "
+        help="what --set overrides: own (the task and the nominal model that the file was made "
+        "for), disturbed "
+        "(these, with what was drawn or fled while it was made) or default (its task in the "
+        "environment's default "
         "plant); default: %(default)s",
     )
     parser.add_argument(
-        "--set", nargs="+", metavar="NAME=VALUE", help="keyword arguments of the environment, such as friction=0.2"
+        "--set",
+        nargs="+",
+        metavar="NAME=VALUE",
+        help="keyword arguments of the environment, such as friction=0.2",
     )
 
 
-def plants_text(sources: Sequence[Source], plants: Sequence[Mapping[str, Mapping[str, Any]]]) -> str:
+def plants_text(
+    sources: Sequence[Source], plants: Sequence[Mapping[str, Mapping[str, Any]]]
+) -> str:
     """What stands above a table: the plants in force, files that share theirs together.
 
     Args:
@@ -89,19 +99,27 @@ def plants_text(sources: Sequence[Source], plants: Sequence[Mapping[str, Mapping
     together: dict[tuple[str, ...], list[str]] = {}
     for source, by_protocol in zip(sources, plants, strict=True):
         together.setdefault(_lines(source, by_protocol), []).append(source.name)
-    blocks = ["\n".join([f"Plant of {', '.join(names)}:", "", *lines]) for lines, names in together.items()]
+    blocks = [
+        "\n".join([f"Plant of {', '.join(names)}:", "", *lines])
+        for lines, names in together.items()
+    ]
     return "\n\n".join(blocks) + "\n"
 
 
 def _lines(source: Source, plants: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """The first plant in full, how each of the others differs from it, and what it was made with beside them."""
+    """The first plant in full, how each of the others differs from it, and what it was made with
+    beside them.
+    """
     from evaluation.plants import plain, plant_changes, plant_line
 
     (first, whole), *others = plants.items()
     lines = [f"{first}: {plant_line(whole)}"]
     lines += [f"{name}: {plant_changes(whole, plant) or 'the same'}" for name, plant in others]
-    quiet, all_of_it = source.made.model_kwargs, source.made.disturbed_kwargs
-    beside = {name: all_of_it[name] for name in sorted(set(all_of_it) - set(quiet)) if all_of_it[name]}
+    quiet = source.made.model_kwargs
+    all_of_it = source.made.disturbed_kwargs
+    beside = {
+        name: all_of_it[name] for name in sorted(set(all_of_it) - set(quiet)) if all_of_it[name]
+    }
     told = [f"{name} {plain(value)}" for name, value in beside.items() if value != whole.get(name)]
     if told:
         lines.append(f"made with {', '.join(told)}, which --plant disturbed puts in force")

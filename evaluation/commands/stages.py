@@ -1,4 +1,5 @@
-"""What a command that takes minutes is doing: a line before each stage with an estimate, and one after it.
+"""What a command that takes minutes is doing: a line before each stage with an estimate, and one
+after it.
 
 The lines go to the standard error, each at once, so that a log without a terminal shows them too.
 """
@@ -25,12 +26,23 @@ class Stages:
             teaches nothing about how long others take. None counts every stage.
     """
 
-    def __init__(self, expected: Mapping[str, float], quiet: bool = False, done: Callable[[], int] | None = None):
-        self._expected, self._quiet, self._done = dict(expected), quiet, done
+    def __init__(
+        self,
+        expected: Mapping[str, float],
+        quiet: bool = False,
+        done: Callable[[], int] | None = None,
+    ):
+        self._expected = dict(expected)
+        self._quiet = quiet
+        self._done = done
         self._begin = time.perf_counter()
-        self._number, self._paces = 0, [REFERENCE_CORES / available_threads()]
+        self._number = 0
+        self._paces = [REFERENCE_CORES / available_threads()]
         total = sum(expected.values()) * self._pace
-        self._say(f"{len(expected)} stages, about {seconds(total)}; kernels not compiled yet add minutes once")
+        self._say(
+            f"{len(expected)} stages, about {seconds(total)}; kernels not compiled yet add "
+            f"minutes once"
+        )
 
     @contextmanager
     def stage(self, name: str, recorded: bool = False) -> Iterator[None]:
@@ -41,7 +53,8 @@ class Stages:
             recorded: whether its results are recorded, so that an earlier run may have done it.
         """
         self._number += 1
-        place, before = f"{self._number} of {len(self._expected)}", self._records
+        place = f"{self._number} of {len(self._expected)}"
+        before = self._records
         self._say(f"{place}: {name}, about {seconds(self._expected[name] * self._pace)}")
         begin = time.perf_counter()
         yield
@@ -62,7 +75,9 @@ class Stages:
 
     @property
     def _pace(self) -> float:
-        """Seconds here for each expected one: the least so far, since compiling comes once and only adds."""
+        """Seconds here for each expected one: the least so far, since compiling comes once and only
+        adds.
+        """
         return min(self._paces[1:], default=self._paces[0])
 
     def _say(self, line: str) -> None:

@@ -8,7 +8,13 @@ from evaluation.figures.fields import RelativeError, error_map
 from evaluation.figures.learning import learning_curves, success_matrix
 from evaluation.figures.mismatch import Executed, mismatch_paths, shape_mismatches
 from evaluation.figures.obstacle import ObstaclePanel, escape_times
-from evaluation.figures.postures import PosturePanel, posture_grid, posture_row, posture_scenes, value_dots
+from evaluation.figures.postures import (
+    PosturePanel,
+    posture_grid,
+    posture_row,
+    posture_scenes,
+    value_dots,
+)
 from evaluation.figures.robustness import Robustness, robustness
 from evaluation.figures.scenes import keyframes, overview, trajectories
 from evaluation.figures.space import space_keyframes

@@ -23,11 +23,14 @@ LAST = 20  # times that the last frame is shown
 SUFFIXES = (".gif", ".mp4")
 
 
-def animation(frames: Iterable[np.ndarray] | str | os.PathLike, path: str | os.PathLike, fps: float = 20.0) -> Path:
+def animation(
+    frames: Iterable[np.ndarray] | str | os.PathLike, path: str | os.PathLike, fps: float = 20.0
+) -> Path:
     """Write frames as an animation.
 
     Args:
-        frames: pictures of shape (height, width, 3), uint8, or a folder of PNG files in order of name.
+        frames: pictures of shape (height, width, 3), uint8, or a folder of PNG files in order of
+            name.
         path: where to write; .gif, or .mp4 where imageio-ffmpeg is installed.
         fps: frames per second.
 
@@ -42,7 +45,9 @@ def animation(frames: Iterable[np.ndarray] | str | os.PathLike, path: str | os.P
 
     target = Path(path)
     if target.suffix not in SUFFIXES:
-        raise InvalidParameterError(f"an animation ends in one of {', '.join(SUFFIXES)}, got {target.name!r}")
+        raise InvalidParameterError(
+            f"an animation ends in one of {', '.join(SUFFIXES)}, got {target.name!r}"
+        )
     if target.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise MissingDependencyError("imageio_ffmpeg", "video")
     if isinstance(frames, str | os.PathLike):
@@ -53,7 +58,9 @@ def animation(frames: Iterable[np.ndarray] | str | os.PathLike, path: str | os.P
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{os.getpid()}.{target.name}")
     if target.suffix == ".gif":
-        imageio.imwrite(temporary, _few_colours(pictures), duration=1000 / fps, loop=0, plugin="pillow")
+        imageio.imwrite(
+            temporary, _few_colours(pictures), duration=1000 / fps, loop=0, plugin="pillow"
+        )
     else:
         imageio.imwrite(temporary, np.stack(pictures), fps=fps, plugin="FFMPEG", macro_block_size=2)
     os.replace(temporary, target)
@@ -61,19 +68,28 @@ def animation(frames: Iterable[np.ndarray] | str | os.PathLike, path: str | os.P
 
 
 def _few_colours(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """The pictures in COLOURS colours that all of them share, rare ones among them, without dithering."""
+    """The pictures in COLOURS colours that all of them share, rare ones among them, without
+    dithering.
+    """
     from PIL import Image
 
     sample = np.concatenate([pictures[k] for k in np.linspace(0, len(pictures) - 1, 5).astype(int)])
     palette = Image.fromarray(sample).quantize(COLOURS, Image.Quantize.FASTOCTREE)
-    reduced = (Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+    reduced = (
+        Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+        for picture in pictures
+    )
     table = np.asarray(palette.getpalette(), dtype=np.uint8).reshape(-1, 3)  # (COLOURS, 3)
-    table = np.where(table.min(axis=1, keepdims=True) > 248, 255, table).astype(np.uint8)  # white stays white
+    # white stays white
+    table = np.where(table.min(axis=1, keepdims=True) > 248, 255, table).astype(np.uint8)
     return np.stack([table[np.asarray(picture)] for picture in reduced])
 
 
 def animate_rollouts(
-    plans: Sequence[Trajectory], path: str | os.PathLike, fps: float = 20.0, every: int | None = None
+    plans: Sequence[Trajectory],
+    path: str | os.PathLike,
+    fps: float = 20.0,
+    every: int | None = None,
 ) -> Path:
     """Side by side, the disturbed objects of each plan as a cloud that moves with the arm.
 
@@ -104,7 +120,9 @@ def rollout_frames(plans: Sequence[Trajectory], every: int) -> Iterator[np.ndarr
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    box = bounds(plans, [range(0, plan.steps + 1, max(1, plan.steps // 20)) for plan in plans], margin=0.04)
+    box = bounds(
+        plans, [range(0, plan.steps + 1, max(1, plan.steps // 20)) for plan in plans], margin=0.04
+    )
     ratio = (box[1, 1] - box[1, 0]) / (box[0, 1] - box[0, 0])
     height = 2 * np.ceil((WIDTH / len(plans) * ratio + TITLE) / 2)  # even, as video needs it
     with matplotlib.rc_context(LOOK):
@@ -143,7 +161,10 @@ class _Panel:
         self.outlines = [shape.outline(6) for shape in plan.object.shapes]
         self.turning = [j + 1 for j, joint in enumerate(plan.robot.joints) if joint.axis[2] != 0]
         self.cloud = PolyCollection(
-            [], facecolor=to_rgba(rendering.OBJECT, 0.12), edgecolor=mix(rendering.OBJECT, "black", 0.35), lw=0.4
+            [],
+            facecolor=to_rgba(rendering.OBJECT, 0.12),
+            edgecolor=mix(rendering.OBJECT, "black", 0.35),
+            lw=0.4,
         )
         self.links = PolyCollection([], facecolor=face, edgecolor=rendering.INK, lw=0.8)
         # Mixed with white instead of transparent: overlapping parts stay even.
@@ -155,32 +176,49 @@ class _Panel:
         for order, item in enumerate((self.scenery, self.cloud, self.links)):
             ax.add_collection(item, autolim=False)
             item.set_zorder(2 + order)
-        top = 6.0 if plan.robot.whole_name == plan.robot.name else 2.5  # pale parts lie below the object
-        self.joints = ax.scatter([], [], s=14, facecolor="white", edgecolor=rendering.INK, linewidths=0.7, zorder=top)
+        # pale parts lie below the object
+        top = 6.0 if plan.robot.whole_name == plan.robot.name else 2.5
+        self.joints = ax.scatter(
+            [], [], s=14, facecolor="white", edgecolor=rendering.INK, linewidths=0.7, zorder=top
+        )
         self.base = ax.scatter([], [], s=34, color=rendering.INK, zorder=top)
         self.ends = ax.scatter([], [], s=4, color=rendering.INK, linewidths=0, alpha=0.7, zorder=7)
         rendering.draw_goal(ax, plan.goal, linewidth=1.6)
         place: dict[str, Any] = {"x": 0.03, "va": "bottom", "transform": ax.transAxes}
-        ax.text(y=1.06, s=mode.label, color=mix(mode.colour, "black", 0.2), fontweight="bold", fontsize=9.5, **place)
+        ax.text(
+            y=1.06,
+            s=mode.label,
+            color=mix(mode.colour, "black", 0.2),
+            fontweight="bold",
+            fontsize=9.5,
+            **place,
+        )
         self.note = ax.text(y=0.985, s="", fontsize=8.5, **place)
         show_scene(ax, box)
 
     def show(self, step: int) -> None:
         """Move everything to a step."""
-        plan, q = self.plan, self.plan.q_r[step]
-        poses = plan.pose[None, step] if plan.disturbed is None else plan.disturbed[:, step]  # (M, 3)
-        self.links.set_verts([outline for link in rendering.link_outlines(plan.robot, q) for outline in link])
+        plan = self.plan
+        q = self.plan.q_r[step]
+        # (M, 3)
+        poses = plan.pose[None, step] if plan.disturbed is None else plan.disturbed[:, step]
+        self.links.set_verts(
+            [outline for link in rendering.link_outlines(plan.robot, q) for outline in link]
+        )
         self.scenery.set_verts(rendering.scenery_outlines(plan.robot, q))
         if plan.robot.base_dof:
             self.base.set_offsets(rendering.base_position(plan.robot, q))
         self.joints.set_offsets(robot_frames(plan.robot.name, q)[self.turning, :2])
-        self.cloud.set_verts([outline for shape in self.outlines for outline in _placed(shape, poses)])
+        self.cloud.set_verts(
+            [outline for shape in self.outlines for outline in _placed(shape, poses)]
+        )
         self.ends.set_offsets(poses[:, :2])
         self.note.set_text(f"{plan.inside[:, step].sum()} of {len(poses)} in the goal")
 
 
 def _placed(outline: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """An outline (m, 2) at every pose (M, 3), shape (M, m, 2)."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    c = np.cos(poses[:, 2])
+    s = np.sin(poses[:, 2])
     turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)  # (M, 2, 2)
     return np.einsum("bij,mj->bmi", turn, outline) + poses[:, None, :2]

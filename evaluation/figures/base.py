@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evaluation.tables import write_atomic
-from piec_envs import CAGING_SCALE, CONTROL_PERIOD, GOAL_RADIUS, Object, Robot, get_object, get_robot, rendering
+from piec_envs import (
+    CAGING_SCALE,
+    CONTROL_PERIOD,
+    GOAL_RADIUS,
+    Object,
+    Robot,
+    get_object,
+    get_robot,
+    rendering,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +32,9 @@ DPI = 150
 CAGING = f"caging = {CAGING_SCALE:g} T"  # label of colour bars
 GREY = "#8b91a0"
 TITLE_LINE = 15.0  # height of the second line above a panel, points
-NOMINAL, MEAN = "#2f6fb7", "#c9302c"  # object paths without disturbance, and mean of the disturbed ones
+# object paths without disturbance, and mean of the disturbed ones
+NOMINAL = "#2f6fb7"
+MEAN = "#c9302c"
 
 # Matplotlib settings of every figure, in force while it is drawn alone.
 LOOK: Any = {
@@ -90,7 +101,10 @@ def mode_of(name: str, among: Sequence[str] = ()) -> Mode:
     if name in MODES:
         return MODES[name]
     strangers = [other for other in among if other not in MODES]
-    return Mode(name.replace("_", " "), _OTHERS[strangers.index(name) % len(_OTHERS) if name in strangers else 0])
+    return Mode(
+        name.replace("_", " "),
+        _OTHERS[strangers.index(name) % len(_OTHERS) if name in strangers else 0],
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +122,8 @@ class Trajectory:
         disturbed: object poses of M disturbed executions, shape (M, N + 1, 3); None without any.
         reference: path to be tracked, shape (m, 2), m; None for a goal task.
         period: time between two entries, s: longer than a control step in thinned executions.
-        loose: position and quaternion of the object's k loose bodies, shape (N + 1, k, 7); None where it has
-            none, or they are not known.
+        loose: position and quaternion of the object's k loose bodies, shape (N + 1, k, 7); None
+            where it has none, or they are not known.
     """
 
     mode: str
@@ -148,7 +162,9 @@ class Trajectory:
 
     @property
     def inside(self) -> np.ndarray:
-        """Whether the object of each disturbed execution is in the goal region, shape (M, N + 1)."""
+        """Whether the object of each disturbed execution is in the goal region, shape (M, N
+        + 1).
+        """
         disturbed = self.pose[None] if self.disturbed is None else self.disturbed
         return np.hypot(*np.moveaxis(disturbed[..., :2] - self.goal, -1, 0)) <= GOAL_RADIUS
 
@@ -179,7 +195,9 @@ def figure_file(path: str | os.PathLike, width: float, height: float) -> Iterato
     write_atomic(path, content.getvalue())
 
 
-def bounds(trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], margin: float = 0.05) -> np.ndarray:
+def bounds(
+    trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], margin: float = 0.05
+) -> np.ndarray:
     """Box around what is drawn of some trajectories.
 
     Args:
@@ -195,7 +213,10 @@ def bounds(trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], 
         reach = trajectory.object.bounding_radius
         for step in steps:
             points += rendering.arm_outlines(trajectory.robot, trajectory.q_r[step])
-        for path in (trajectory.pose, trajectory.pose if trajectory.disturbed is None else trajectory.disturbed):
+        for path in (
+            trajectory.pose,
+            trajectory.pose if trajectory.disturbed is None else trajectory.disturbed,
+        ):
             points += [path[..., :2].reshape(-1, 2) + shift for shift in (-reach, reach)]
         points += [] if trajectory.reference is None else [trajectory.reference]
         points += [trajectory.goal[None] + shift for shift in (-GOAL_RADIUS, GOAL_RADIUS)]
@@ -214,8 +235,14 @@ def panel_title(ax: Axes, name: str, note: str, colour: Any = rendering.INK) -> 
     """
     ax.set_title(note or " ", loc="left", fontsize=8.5, pad=3.0)
     if name:
-        place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "bottom"}
-        ax.annotate(name, (0, 1), (0, TITLE_LINE), color=colour, fontweight="bold", fontsize=10, **place)
+        place: dict[str, Any] = {
+            "xycoords": "axes fraction",
+            "textcoords": "offset points",
+            "va": "bottom",
+        }
+        ax.annotate(
+            name, (0, 1), (0, TITLE_LINE), color=colour, fontweight="bold", fontsize=10, **place
+        )
 
 
 def show_scene(ax: Axes, box: np.ndarray) -> None:
@@ -226,13 +253,18 @@ def show_scene(ax: Axes, box: np.ndarray) -> None:
         box: least and largest x, then y, shape (2, 2), m.
     """
     ax.set_axis_off()
-    ax.set_aspect("equal", anchor="N")  # at the top of its place, so that the layout knows where titles end
+    # at the top of its place, so that the layout knows where titles end
+    ax.set_aspect("equal", anchor="N")
     ax.set_xlim(*box[0])
     ax.set_ylim(*box[1])
 
 
 def colour_bar(
-    figure: Figure, image: AxesImage, axes: Sequence[Axes] | np.ndarray, label: str, extend: Any = "max"
+    figure: Figure,
+    image: AxesImage,
+    axes: Sequence[Axes] | np.ndarray,
+    label: str,
+    extend: Any = "max",
 ) -> None:
     """One colour bar at the right of several axes.
 
@@ -245,7 +277,12 @@ def colour_bar(
     """
     axes = np.asarray(axes)
     rows = 1 if axes.ndim == 1 else len(axes)
-    place: dict[str, Any] = {"shrink": 0.8 / rows**0.5, "aspect": 22 * rows**0.5, "pad": 0.01, "panchor": False}
+    place: dict[str, Any] = {
+        "shrink": 0.8 / rows**0.5,
+        "aspect": 22 * rows**0.5,
+        "pad": 0.01,
+        "panchor": False,
+    }
     bar = figure.colorbar(image, ax=axes, extend=extend, **place)  # the axes keep their anchors
     bar.set_label(label, fontsize=8.5)
     bar.outline.set_visible(False)
@@ -263,5 +300,7 @@ def mix(colour: str, other: str, share: float) -> tuple[float, float, float]:
     """
     from matplotlib.colors import to_rgb
 
-    r, g, b = ((1 - share) * x + share * y for x, y in zip(to_rgb(colour), to_rgb(other), strict=True))
+    r, g, b = (
+        (1 - share) * x + share * y for x, y in zip(to_rgb(colour), to_rgb(other), strict=True)
+    )
     return r, g, b

@@ -29,10 +29,12 @@ def field_comparison(
     path: str | os.PathLike,
     near: float | None = NEAR,
 ) -> Path:
-    """Rows of configurations, columns of fields: caging with contours, and the fastest way out of a point.
+    """Rows of configurations, columns of fields: caging with contours, and the fastest way out of a
+    point.
 
     Args:
-        fields: by label, of one robot; the path of the first, the exact one, is drawn in all panels.
+        fields: by label, of one robot; the path of the first, the exact one, is drawn in all
+            panels.
         configurations: joint positions, each of shape (n,), rad or m.
         points: the point in each configuration, each of shape (2,), m.
         path: where to write the PNG.
@@ -41,7 +43,10 @@ def field_comparison(
     Returns:
         The path.
     """
-    solved = [_solve_row(list(fields.values()), q, point) for q, point in zip(configurations, points, strict=True)]
+    solved = [
+        _solve_row(list(fields.values()), q, point)
+        for q, point in zip(configurations, points, strict=True)
+    ]
     top = rendering.field_top(escape.caging for row in solved for escape in row)
     with figure_file(path, SIDE * len(fields) + 0.7, ROW * len(configurations) + 0.65) as figure:
         axes = panels(figure, configurations, fields)
@@ -55,16 +60,22 @@ def field_comparison(
     return Path(path)
 
 
-def _solve_row(fields: Sequence[BatchedField], q: np.ndarray, point: np.ndarray) -> list[rendering.Escape]:
-    """How a point gets out of a posture by each of the fields; the first, the exact one, says whether it does.
+def _solve_row(
+    fields: Sequence[BatchedField], q: np.ndarray, point: np.ndarray
+) -> list[rendering.Escape]:
+    """How a point gets out of a posture by each of the fields; the first, the exact one, says
+    whether it does.
 
     A point that lies in the wall itself is judged where that way first leaves it.
     """
-    exact, escapes = fields[0], []
+    exact = fields[0]
+    escapes = []
     for field in fields:
         way = field.escape_path(point, q)
         caging = CAGING_SCALE * float(field.query(np.reshape(point, (1, 2)), q)[0])
-        escapes.append(rendering.Escape(field.solve(q), way, rendering.in_wall(field, way, q), False, caging))
+        escapes.append(
+            rendering.Escape(field.solve(q), way, rendering.in_wall(field, way, q), False, caging)
+        )
     way = escapes[0].way
     outside = way[[int(np.argmax(rendering.wall_depth(exact, way, q) < 0))]]  # (1, 2)
     held = bool(rendering.enclosed_points(exact.robot_name, outside, q, exact.speed)[0])
@@ -75,8 +86,26 @@ def _way_legend(figure: Figure, escapes: Sequence[rendering.Escape], several: bo
     """What the ways and the star mean."""
     from matplotlib.lines import Line2D
 
-    star = Line2D([], [], marker="*", ms=10, mfc=rendering.OBJECT, mec=rendering.INK, mew=0.8, lw=0, label="the point")
-    band = [Line2D([], [], path_effects=rendering.rim(3.6), **{**EXACT_WAY, "alpha": 1.0}, label="by the exact field")]
+    star = Line2D(
+        [],
+        [],
+        marker="*",
+        ms=10,
+        mfc=rendering.OBJECT,
+        mec=rendering.INK,
+        mew=0.8,
+        lw=0,
+        label="the point",
+    )
+    band = [
+        Line2D(
+            [],
+            [],
+            path_effects=rendering.rim(3.6),
+            **{**EXACT_WAY, "alpha": 1.0},
+            label="by the exact field",
+        )
+    ]
     handles = [star, *rendering.way_handles(escapes), *(band if several else [])]
     columns = len(handles) if several else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, handlelength=2.6)
@@ -107,7 +136,11 @@ def draw_comparison(
     """
     robot = get_robot(field.robot_name)
     image = rendering.draw_field(
-        ax, robot, q, escape.field_map, rendering.FieldStyle(field.speed, labels=False, line=0.6, top=top)
+        ax,
+        robot,
+        q,
+        escape.field_map,
+        rendering.FieldStyle(field.speed, labels=False, line=0.6, top=top),
     )
     rendering.draw_robot(ax, robot, q, linewidth=0.7)
     rendering.draw_escape(ax, escape, linewidth=1.6)

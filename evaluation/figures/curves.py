@@ -20,10 +20,13 @@ BAND = (0.1, 0.9)  # quantiles
 
 Series = Mapping[str, np.ndarray]  # mode -> (N + 1,) or (M, N + 1)
 Sweep = Mapping[str, Mapping[float, np.ndarray]]  # mode -> sigma in m -> samples
-Samples = Mapping[str, Mapping[Any, np.ndarray]]  # mode -> sigma in m, or name of a plant -> samples
+# mode -> sigma in m, or name of a plant -> samples
+Samples = Mapping[str, Mapping[Any, np.ndarray]]
 
 
-def contact_fractions(fractions: Series, path: str | os.PathLike, links: Sequence[str] | None = None) -> Path:
+def contact_fractions(
+    fractions: Series, path: str | os.PathLike, links: Sequence[str] | None = None
+) -> Path:
     """Grouped bars: share of the time in which each link touches the object.
 
     Args:
@@ -42,7 +45,9 @@ def contact_fractions(fractions: Series, path: str | os.PathLike, links: Sequenc
         for rank, (name, values) in enumerate(fractions.items()):
             mode = mode_of(name, list(fractions))
             where = np.arange(count) + (rank - (len(fractions) - 1) / 2) * width
-            bars = ax.bar(where, 100 * np.asarray(values), 0.9 * width, color=mode.colour, label=mode.label)
+            bars = ax.bar(
+                where, 100 * np.asarray(values), 0.9 * width, color=mode.colour, label=mode.label
+            )
             ax.bar_label(bars, fmt="%.0f", fontsize=7, padding=1.5, color="#5b6170")
         ax.set_xticks(np.arange(count), names)
         ax.tick_params(axis="x", length=0)
@@ -53,8 +58,11 @@ def contact_fractions(fractions: Series, path: str | os.PathLike, links: Sequenc
     return Path(path)
 
 
-def over_time(series: Series, ylabel: str, path: str | os.PathLike, period: float = CONTROL_PERIOD) -> Path:
-    """Curves over time, with a band from the 10 % to the 90 % quantile where there are several executions.
+def over_time(
+    series: Series, ylabel: str, path: str | os.PathLike, period: float = CONTROL_PERIOD
+) -> Path:
+    """Curves over time, with a band from the 10 % to the 90 % quantile where there are several
+    executions.
 
     Args:
         series: mode -> (N + 1,) or (M, N + 1).
@@ -83,8 +91,11 @@ def over_time(series: Series, ylabel: str, path: str | os.PathLike, period: floa
     return Path(path)
 
 
-def distance_bands(distances: Sweep, path: str | os.PathLike, period: float = CONTROL_PERIOD) -> Path:
-    """Object-to-goal distance over time: every disturbed execution, and their mean, for each mode and sigma.
+def distance_bands(
+    distances: Sweep, path: str | os.PathLike, period: float = CONTROL_PERIOD
+) -> Path:
+    """Object-to-goal distance over time: every disturbed execution, and their mean, for each mode
+    and sigma.
 
     Args:
         distances: mode -> sigma in m -> (M, N + 1), m.
@@ -114,8 +125,20 @@ def distance_bands(distances: Sweep, path: str | os.PathLike, period: float = CO
 def _row_label(ax: Axes, mode: Mode) -> None:
     """Name of the mode to the right of its row."""
     label = mode.label.replace(" (", "\n(")
-    style: dict[str, Any] = {"rotation": -90, "va": "center", "ha": "left", "color": mix(mode.colour, "black", 0.2)}
-    ax.annotate(label, (1.03, 0.5), xycoords="axes fraction", fontweight="bold", multialignment="center", **style)
+    style: dict[str, Any] = {
+        "rotation": -90,
+        "va": "center",
+        "ha": "left",
+        "color": mix(mode.colour, "black", 0.2),
+    }
+    ax.annotate(
+        label,
+        (1.03, 0.5),
+        xycoords="axes fraction",
+        fontweight="bold",
+        multialignment="center",
+        **style,
+    )
 
 
 def _bundle(ax: Axes, rows: np.ndarray, colour: str, period: float) -> None:
@@ -124,7 +147,9 @@ def _bundle(ax: Axes, rows: np.ndarray, colour: str, period: float) -> None:
 
     rows, time = _thinned(rows, period)
     lines = np.stack([np.broadcast_to(time, rows.shape), rows], axis=-1)  # (M, m, 2)
-    ax.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.4, alpha=0.35, zorder=2))
+    ax.add_collection(
+        LineCollection(list(lines), colors=colour, linewidths=0.4, alpha=0.35, zorder=2)
+    )
     ax.plot(time, rows.mean(axis=0), color=mix(colour, "black", 0.35), lw=1.8, zorder=3)
     ax.axhline(GOAL_RADIUS, color=rendering.GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=4)
     ax.set_xlim(0, time[-1])
@@ -142,7 +167,8 @@ def final_distances(final: Samples, path: str | os.PathLike) -> Path:
     """
     plants = list(dict.fromkeys(plant for row in final.values() for plant in row))
     width = 0.82 / len(final)
-    with figure_file(path, max(5.9, 1.4 + 1.5 * len(plants)), 2.8) as figure:  # the legend needs its room
+    # the legend needs its room
+    with figure_file(path, max(5.9, 1.4 + 1.5 * len(plants)), 2.8) as figure:
         ax = figure.subplots()
         for rank, (name, row) in enumerate(final.items()):
             mode = mode_of(name, list(final))
@@ -151,8 +177,18 @@ def final_distances(final: Samples, path: str | os.PathLike) -> Path:
                     where = k + (rank - (len(final) - 1) / 2) * width
                     _box(ax, where, np.asarray(row[plant]), 0.8 * width, mode.colour)
             ax.plot([], [], color=mode.colour, lw=6, alpha=0.5, label=mode.label)
-        ax.axhline(GOAL_RADIUS, color=rendering.GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1, label="goal radius")
-        ax.set_xticks(range(len(plants)), [plant if isinstance(plant, str) else _sigma(plant) for plant in plants])
+        ax.axhline(
+            GOAL_RADIUS,
+            color=rendering.GOAL,
+            lw=1.2,
+            ls=(0, (2, 1.5)),
+            zorder=1,
+            label="goal radius",
+        )
+        ax.set_xticks(
+            range(len(plants)),
+            [plant if isinstance(plant, str) else _sigma(plant) for plant in plants],
+        )
         ax.tick_params(axis="x", length=0)
         ax.set_xlim(-0.5, len(plants) - 0.5)
         ax.set_ylim(0)
@@ -162,9 +198,14 @@ def final_distances(final: Samples, path: str | os.PathLike) -> Path:
 
 
 def _box(ax: Axes, where: float, values: np.ndarray, width: float, colour: str) -> None:
-    """A box from quartile to quartile with whiskers to 5 and 95 %, and every sample beside its neighbours."""
-    spread = (np.arange(len(values)) * 0.618034) % 1 - 0.5  # golden ratio: even, without random numbers
-    ax.scatter(where + 0.8 * width * spread, values, s=3, color=colour, alpha=0.5, linewidths=0, zorder=2)
+    """A box from quartile to quartile with whiskers to 5 and 95 %, and every sample beside its
+    neighbours.
+    """
+    # golden ratio: even, without random numbers
+    spread = (np.arange(len(values)) * 0.618034) % 1 - 0.5
+    ax.scatter(
+        where + 0.8 * width * spread, values, s=3, color=colour, alpha=0.5, linewidths=0, zorder=2
+    )
     ax.boxplot(
         [values],
         positions=[where],
@@ -173,7 +214,11 @@ def _box(ax: Axes, where: float, values: np.ndarray, width: float, colour: str) 
         showfliers=False,
         manage_ticks=False,
         patch_artist=True,
-        boxprops={"facecolor": (*mix(colour, "white", 0.4), 0.35), "edgecolor": colour, "linewidth": 1.0},
+        boxprops={
+            "facecolor": (*mix(colour, "white", 0.4), 0.35),
+            "edgecolor": colour,
+            "linewidth": 1.0,
+        },
         whiskerprops={"color": colour, "linewidth": 1.0},
         capprops={"color": colour, "linewidth": 1.0},
         medianprops={"color": rendering.INK, "linewidth": 1.4},
@@ -195,4 +240,11 @@ def _thinned(rows: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
 def _legend(figure: Any, ax: Axes) -> None:
     """A legend in one row above the axis."""
     handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), handlelength=1.4, columnspacing=1.4)
+    figure.legend(
+        handles,
+        labels,
+        loc="outside upper center",
+        ncols=len(labels),
+        handlelength=1.4,
+        columnspacing=1.4,
+    )

@@ -20,11 +20,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-SIDE, ROW = 2.5, 2.6  # width and height of a panel with its note, inches
+# width and height of a panel with its note, inches
+SIDE = 2.5
+ROW = 2.6
 FREE = 0.05  # distance to the robot from which on errors count, m
-NEAR, NEARER = 0.75, 0.5  # half-widths of views of the robot, m
+# half-widths of views of the robot, m
+NEAR = 0.75
+NEARER = 0.5
 ERROR_LIMIT = 5.0  # percent at the ends of the colour scale
-ERROR_COLOURS = ("#1f4e8c", "#7fa6d1", "#f7f7f5", "#e6a06c", "#a3441c")  # too short, exact, too long
+# too short, exact, too long
+ERROR_COLOURS = ("#1f4e8c", "#7fa6d1", "#f7f7f5", "#e6a06c", "#a3441c")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +39,11 @@ class RelativeError:
     Args:
         x: of the reference's nodes, shape (N,), m.
         y: of the reference's nodes, shape (N,), m.
-        percent: 100 (T - T_ref) / T_ref, shape (N, N); 0 outside the workspace, not finite where a T is not.
+        percent: 100 (T - T_ref) / T_ref, shape (N, N); 0 outside the workspace, not finite where a
+            T is not.
         distance: to the robot, shape (N, N), m.
-        counted: nodes in view, in the workspace, more than FREE from the robot, with finite times, shape (N, N).
+        counted: nodes in view, in the workspace, more than FREE from the robot, with finite times,
+            shape (N, N).
     """
 
     x: np.ndarray
@@ -63,7 +70,9 @@ class RelativeError:
         sampled, _ = reference.sample(np.asarray(q, dtype=float))
         x, y, *_ = reference.solve(q)
         nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)  # (N * N, 2)
-        exact, asked = (asked.query(nodes, q).reshape(len(y), len(x)) for asked in (reference, field))
+        exact, asked = (
+            asked.query(nodes, q).reshape(len(y), len(x)) for asked in (reference, field)
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
             percent = np.where(exact > 0, 100 * (asked - exact) / exact, 0.0)
         low, high = view(get_robot(reference.robot_name), q, near).T  # (2,), (2,)
@@ -87,7 +96,9 @@ class RelativeError:
 
     @property
     def largest(self) -> float:
-        """Largest absolute error over the counted nodes, percent: that of a cage, whose inside is a small part."""
+        """Largest absolute error over the counted nodes, percent: that of a cage, whose inside is a
+        small part.
+        """
         return self.percentile(100)
 
 
@@ -97,16 +108,22 @@ def view(robot: Robot, q: np.ndarray, near: float | None = None) -> np.ndarray:
     Args:
         robot: the robot.
         q: joint positions, shape (n,), rad or m.
-        near: half-width of a view around the middle of the robot, m; None shows all of the workspace.
+        near: half-width of a view around the middle of the robot, m; None shows all of the
+            workspace.
 
     Returns:
         ((x_min, x_max), (y_min, y_max)), m.
     """
     if near is None:
-        centre, half = rendering.base_position(robot, q), 1.02 * robot.workspace_radius
+        centre = rendering.base_position(robot, q)
+        half = 1.02 * robot.workspace_radius
     else:
-        corners = np.concatenate([outline for link in rendering.link_outlines(robot, q) for outline in link])  # (m, 2)
-        centre, half = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), near
+        # (m, 2)
+        corners = np.concatenate(
+            [outline for link in rendering.link_outlines(robot, q) for outline in link]
+        )
+        centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+        half = near
     return np.stack([centre - half, centre + half], axis=1)
 
 
@@ -133,7 +150,9 @@ def error_map(
         axes = panels(figure, configurations, fields)
         for row, q in zip(axes, configurations, strict=True):
             for ax, field in zip(row, fields.values(), strict=True):
-                image = draw_error(ax, RelativeError.between(reference, field, q, near), reference, q)
+                image = draw_error(
+                    ax, RelativeError.between(reference, field, q, near), reference, q
+                )
                 show_scene(ax, view(get_robot(reference.robot_name), q, near))
         colour_bar(figure, image, axes, "error of T [%]", extend="both")
     return Path(path)
@@ -168,7 +187,9 @@ def _error_colours() -> Colormap:
     """Blue where escape times are too short, orange where too long, pale in between."""
     from matplotlib.colors import LinearSegmentedColormap
 
-    return LinearSegmentedColormap.from_list("error", ERROR_COLOURS).with_extremes(bad=rendering.WALL)
+    return LinearSegmentedColormap.from_list("error", ERROR_COLOURS).with_extremes(
+        bad=rendering.WALL
+    )
 
 
 def panels(figure: Figure, rows: Sequence[np.ndarray], labels: Mapping[str, Any]) -> np.ndarray:
@@ -202,4 +223,8 @@ def note(ax: Axes, text: str) -> None:
 
 def _percent(value: float) -> str:
     """About two digits: 12 %, 1.2 %, 0.12 %."""
-    return f"{value:.{0 if value >= 10 else 1 if value >= 1 else 2}f} %" if value >= 0.01 else "< 0.01 %"
+    return (
+        f"{value:.{0 if value >= 10 else 1 if value >= 1 else 2}f} %"
+        if value >= 0.01
+        else "< 0.01 %"
+    )

@@ -18,7 +18,11 @@ CURVES = ("#e69f00", "#882255", "#3b7db8", "#44aa99", "#8b91a0", "#b58a3c")
 
 
 def success_matrix(
-    rates: np.ndarray, rows: Sequence[str], columns: Sequence[str], path: str | os.PathLike, groups: Sequence[int] = ()
+    rates: np.ndarray,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    path: str | os.PathLike,
+    groups: Sequence[int] = (),
 ) -> Path:
     """Success rates as a matrix of coloured cells with their numbers in per cent.
 
@@ -35,13 +39,21 @@ def success_matrix(
     from matplotlib.colors import LinearSegmentedColormap
 
     colours = LinearSegmentedColormap.from_list("success", ["#f6f2f4", mode_of("caging").colour])
-    size = [margin + cell * count for margin, cell, count in zip(MARGINS, CELL, rates.shape[::-1], strict=True)]
+    size = [
+        margin + cell * count
+        for margin, cell, count in zip(MARGINS, CELL, rates.shape[::-1], strict=True)
+    ]
     with figure_file(path, *size) as figure:
         ax = figure.subplots()
         ax.imshow(rates, cmap=colours, vmin=0, vmax=1, aspect="auto")
         for (i, k), rate in np.ndenumerate(rates):
             ax.text(
-                k, i, f"{100 * rate:.0f}", ha="center", va="center", color="white" if rate > 0.55 else rendering.INK
+                k,
+                i,
+                f"{100 * rate:.0f}",
+                ha="center",
+                va="center",
+                color="white" if rate > 0.55 else rendering.INK,
             )
         for row in groups:
             ax.axhline(row - 0.5, color="white", lw=4)
@@ -55,12 +67,16 @@ def success_matrix(
 
 
 def learning_curves(
-    curves: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]], repeat: int, path: str | os.PathLike
+    curves: Mapping[str, Sequence[Sequence[Mapping[str, Any]]]],
+    repeat: int,
+    path: str | os.PathLike,
 ) -> Path:
-    """Success rate and distance to the goal region of agents while they learn, one line for each training.
+    """Success rate and distance to the goal region of agents while they learn, one line for each
+    training.
 
     Args:
-        curves: label -> trainings -> evaluations on the way, with "steps", "success_rate" and "d2g" (m).
+        curves: label -> trainings -> evaluations on the way, with "steps", "success_rate" and "d2g"
+            (m).
         repeat: control steps of an action.
         path: where to write the PNG.
 
@@ -75,7 +91,10 @@ def learning_curves(
                 style: dict[str, Any] = {"color": CURVES[rank % len(CURVES)], "lw": 1.5}
                 left.plot(steps, [100 * entry["success_rate"] for entry in curve], **style)
                 right.plot(
-                    steps, [1e3 * entry["d2g"] for entry in curve], label=label if number == 0 else None, **style
+                    steps,
+                    [1e3 * entry["d2g"] for entry in curve],
+                    label=label if number == 0 else None,
+                    **style,
                 )
         left.set_ylabel("success from drawn starts [%]")
         right.set_yscale("symlog", linthresh=10)

@@ -1,4 +1,6 @@
-"""Escape times around a fixed obstacle: the field with its level sets, and the speed map beside it."""
+"""Escape times around a fixed obstacle: the field with its level sets, and the speed map
+beside it.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
 
 SIDE = 3.7  # of a panel, inches
 LEVEL_STEP = 0.1  # between contours, s; every second one is labelled
-SLOW, FAST = "#4a3b78", "#f4dc7c"  # colours of speed 0 and of full speed
+# colours of speed 0 and of full speed
+SLOW = "#4a3b78"
+FAST = "#f4dc7c"
 CAGED = "#b4b8c2"  # where nothing leads out
 
 
@@ -32,7 +36,8 @@ class ObstaclePanel:
     Args:
         title: what stands above it.
         field_map: escape time and speed.
-        outlines: of the obstacle, its outer one first and its cavity's second, squares of shape (4, 2), m.
+        outlines: of the obstacle, its outer one first and its cavity's second, squares of shape (4,
+            2), m.
         radius: of the escape circle around the origin, m.
         star: the point mass in the cavity, shape (2,), m.
         point: name and place, shape (2,), of a point outside, m.
@@ -49,7 +54,9 @@ class ObstaclePanel:
 
     @property
     def time(self) -> np.ndarray:
-        """T, carried on into the obstacle, which hides it, so that contours run up to it, shape (N, N), s."""
+        """T, carried on into the obstacle, which hides it, so that contours run up to it, shape (N,
+        N), s.
+        """
         lowest = self.field_map.speed.max() * (1 - 1e-9)
         return rendering.carried_into_wall(self.field_map.T, self.field_map.speed < lowest)
 
@@ -59,9 +66,14 @@ class ObstaclePanel:
         return bool(np.isfinite(self.time).all())
 
     def walled(self, way: np.ndarray) -> np.ndarray:
-        """Which points of a way, shape (m, 2), m, lie in the obstacle, by the node beside them, shape (m,)."""
+        """Which points of a way, shape (m, 2), m, lie in the obstacle, by the node beside them,
+        shape (m,).
+        """
         x, y, _, speed = self.field_map
-        j, i = (np.rint((way[:, k] - axis[0]) / (axis[1] - axis[0])).astype(int) for k, axis in enumerate((x, y)))
+        j, i = (
+            np.rint((way[:, k] - axis[0]) / (axis[1] - axis[0])).astype(int)
+            for k, axis in enumerate((x, y))
+        )
         return speed[i.clip(0, len(y) - 1), j.clip(0, len(x) - 1)] < speed.max() * (1 - 1e-9)
 
     @property
@@ -89,7 +101,8 @@ def escape_times(panels: Sequence[ObstaclePanel], path: str | os.PathLike) -> Pa
     with figure_file(path, 2 * SIDE + 0.2, (SIDE + 0.3) * len(panels) + 0.75) as figure:
         rows: Any = figure.subplots(len(panels), 2, squeeze=False)
         for (left, right), panel in zip(rows, panels, strict=True):
-            field, speed = draw_time(left, panel, top), draw_speed(right, panel)
+            field = draw_time(left, panel, top)
+            speed = draw_speed(right, panel)
             left.set_title(f"escape time T, {panel.title}")
             right.set_title(f"speed, {panel.title}")
         if any(panel.walled(way).any() for panel in panels for way in panel.paths):
@@ -114,11 +127,15 @@ def draw_time(ax: Axes, panel: ObstaclePanel, top: float) -> AxesImage:
     Returns:
         The image, for a colour bar.
     """
-    x, y, time = panel.field_map.x, panel.field_map.y, np.ma.masked_invalid(panel.time)
+    x = panel.field_map.x
+    y = panel.field_map.y
+    time = np.ma.masked_invalid(panel.time)
     colours = rendering.field_colours().with_extremes(bad=CAGED)
     image = _show(ax, panel, time, cmap=colours, vmin=0.0, vmax=top)
     levels = LEVEL_STEP * np.arange(1, round(top / LEVEL_STEP))
-    lines = ax.contour(x, y, time, levels=levels, colors="white", linewidths=0.8, alpha=0.9, zorder=2)
+    lines = ax.contour(
+        x, y, time, levels=levels, colors="white", linewidths=0.8, alpha=0.9, zorder=2
+    )
     lines.set_clip_path(image.get_clip_path())
     _label(ax, panel, lines, levels)
     ring = _ring(panel, facecolor="white", edgecolor=rendering.INK, linewidth=1.0, zorder=3)
@@ -135,7 +152,9 @@ def draw_time(ax: Axes, panel: ObstaclePanel, top: float) -> AxesImage:
 
 
 def _label(ax: Axes, panel: ObstaclePanel, lines: ContourSet, levels: np.ndarray) -> None:
-    """Values of every second contour, on the side away from the obstacle, and of one in the cavity."""
+    """Values of every second contour, on the side away from the obstacle, and of one in the
+    cavity.
+    """
     away = -panel.outlines[0].mean(axis=0)
     away /= np.hypot(*away)
     style: dict[str, Any] = {"fmt": "%.1f", "fontsize": 7.5, "inline_spacing": 3, "zorder": 2.5}
@@ -159,12 +178,21 @@ def draw_speed(ax: Axes, panel: ObstaclePanel) -> AxesImage:
 
     field_map = panel.field_map
     colours = LinearSegmentedColormap.from_list("speed", [SLOW, FAST])
-    image = _show(ax, panel, field_map.speed, cmap=colours, vmin=0.0, vmax=float(field_map.speed.max()))
+    image = _show(
+        ax, panel, field_map.speed, cmap=colours, vmin=0.0, vmax=float(field_map.speed.max())
+    )
     ax.add_artist(_ring(panel, facecolor="none", edgecolor=rendering.INK, linewidth=0.8, zorder=3))
-    side = panel.outlines[0][:2]  # (2, 2) the outline's first side, along which the wall's speed stands
+    # (2, 2) the outline's first side, along which the wall's speed stands
+    side = panel.outlines[0][:2]
     x, y = 0.25 * (side + panel.outlines[1][:2]).sum(axis=0)
     turn = float(np.degrees(np.arctan2(*(side[1] - side[0])[::-1])))
-    text: dict[str, Any] = {"ha": "center", "va": "center", "rotation": turn, "rotation_mode": "anchor", "zorder": 8}
+    text: dict[str, Any] = {
+        "ha": "center",
+        "va": "center",
+        "rotation": turn,
+        "rotation_mode": "anchor",
+        "zorder": 8,
+    }
     ax.text(x, y, f"u = {field_map.speed.min():g}", color="white", fontsize=8, **text)
     ax.text(
         -0.5 * panel.radius,
@@ -194,9 +222,13 @@ def _ring(panel: ObstaclePanel, **style: Any) -> Any:
 def _mark(ax: Axes, panel: ObstaclePanel) -> None:
     """The point mass as a star, and the point outside with its name."""
     name, (x, y) = panel.point
-    ax.plot(*panel.star, marker="*", ms=15, mfc=rendering.OBJECT, mec=rendering.INK, mew=0.9, zorder=9)
+    ax.plot(
+        *panel.star, marker="*", ms=15, mfc=rendering.OBJECT, mec=rendering.INK, mew=0.9, zorder=9
+    )
     ax.plot(x, y, marker="o", ms=5.5, mfc="white", mec=rendering.INK, mew=1.0, zorder=9)
-    ax.annotate(name, (x, y), (-4, -11), textcoords="offset points", fontsize=9, fontweight="bold", zorder=9)
+    ax.annotate(
+        name, (x, y), (-4, -11), textcoords="offset points", fontsize=9, fontweight="bold", zorder=9
+    )
 
 
 def _window(ax: Axes, panel: ObstaclePanel) -> None:
@@ -205,6 +237,8 @@ def _window(ax: Axes, panel: ObstaclePanel) -> None:
 
 
 def _bar(figure: Figure, image: AxesImage, axes: np.ndarray, label: str) -> None:
-    bar = figure.colorbar(image, ax=list(axes), location="bottom", panchor=False, shrink=0.7, aspect=32, pad=0.01)
+    bar = figure.colorbar(
+        image, ax=list(axes), location="bottom", panchor=False, shrink=0.7, aspect=32, pad=0.01
+    )
     bar.set_label(label, fontsize=8.5)
     bar.outline.set_visible(False)

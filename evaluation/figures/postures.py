@@ -1,4 +1,6 @@
-"""Figures of static caging: postures in their escape-time field, and the values that optimisers reach."""
+"""Figures of static caging: postures in their escape-time field, and the values that optimisers
+reach.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
     from matplotlib.lines import Line2D
 
-SIDE, LEAST_WIDTH = 3.3, 5.8  # of a panel; of a figure whose legend is a row, inches
+# of a panel; of a figure whose legend is a row, inches
+SIDE = 3.3
+LEAST_WIDTH = 5.8
 COLUMNS = 4  # of the legend, at most
 SERIES = ("#882255", "#3b7db8", "#44aa99", "#e69f00", "#555b6b")  # colours of methods
 
@@ -53,7 +57,9 @@ class PosturePanel:
         return escape if self.enclosed is None else replace(escape, enclosed=self.enclosed)
 
 
-def draw_posture(ax: Axes, panel: PosturePanel, escape: rendering.Escape, top: float, close: bool = False) -> AxesImage:
+def draw_posture(
+    ax: Axes, panel: PosturePanel, escape: rendering.Escape, top: float, close: bool = False
+) -> AxesImage:
     """Draw a posture with the field's heat map and contours, the object and its key points.
 
     Args:
@@ -66,15 +72,21 @@ def draw_posture(ax: Axes, panel: PosturePanel, escape: rendering.Escape, top: f
     Returns:
         The heat map, for a colour bar.
     """
-    robot, item = get_robot(panel.robot_name), get_object(panel.object_name)
+    robot = get_robot(panel.robot_name)
+    item = get_object(panel.object_name)
     image = rendering.draw_field(
-        ax, robot, panel.q_r, escape.field_map, rendering.FieldStyle(labels=False, line=0.6, top=top)
+        ax,
+        robot,
+        panel.q_r,
+        escape.field_map,
+        rendering.FieldStyle(labels=False, line=0.6, top=top),
     )
     rendering.draw_escape(ax, escape, linewidth=1.6)
     rendering.draw_robot(ax, robot, panel.q_r, linewidth=0.8)
     rendering.draw_object(ax, item, panel.pose, linewidth=0.8)
     rendering.draw_key_points(ax, item, panel.pose, s=11)
-    centre, half = rendering.base_position(robot, panel.q_r), 1.02 * robot.workspace_radius
+    centre = rendering.base_position(robot, panel.q_r)
+    half = 1.02 * robot.workspace_radius
     if close:
         centre, half = rendering.close_view(robot, panel.q_r, item, panel.pose)
     show_scene(ax, np.stack([centre - half, centre + half], axis=1))
@@ -82,7 +94,11 @@ def draw_posture(ax: Axes, panel: PosturePanel, escape: rendering.Escape, top: f
 
 
 def _draw_all(
-    figure: Figure, axes: np.ndarray, rows: Sequence[Sequence[PosturePanel]], close: bool, named: bool
+    figure: Figure,
+    axes: np.ndarray,
+    rows: Sequence[Sequence[PosturePanel]],
+    close: bool,
+    named: bool,
 ) -> None:
     """Postures on one colour scale, with titles, a colour bar and a legend of the ways out.
 
@@ -110,12 +126,20 @@ def _key_point_handle() -> Line2D:
     from matplotlib.lines import Line2D
 
     return Line2D(
-        [], [], marker="o", ms=4, mfc=rendering.KEY_POINT, mec="white", lw=0, label="key point, where T is asked"
+        [],
+        [],
+        marker="o",
+        ms=4,
+        mfc=rendering.KEY_POINT,
+        mec="white",
+        lw=0,
+        label="key point, where T is asked",
     )
 
 
 def posture_row(panels: Sequence[PosturePanel], path: str | os.PathLike) -> Path:
-    """Postures side by side with the whole workspace, such as a start and what optimisers make of it.
+    """Postures side by side with the whole workspace, such as a start and what optimisers make of
+    it.
 
     Args:
         panels: from left to right.
@@ -141,11 +165,19 @@ def posture_grid(rows: Sequence[Sequence[PosturePanel]], path: str | os.PathLike
         The path.
     """
     side = 0.8 * SIDE
-    with figure_file(path, max(side * len(rows[0]) + 0.7, LEAST_WIDTH), (side + 0.25) * len(rows) + 0.3) as figure:
+    with figure_file(
+        path, max(side * len(rows[0]) + 0.7, LEAST_WIDTH), (side + 0.25) * len(rows) + 0.3
+    ) as figure:
         axes = figure.subplots(len(rows), len(rows[0]), squeeze=False)
         _draw_all(figure, axes, rows, close=True, named=False)
         for line, panels in zip(axes, rows, strict=True):
-            name: Any = {"rotation": 90, "ha": "right", "va": "center", "fontweight": "bold", "fontsize": 10}
+            name: Any = {
+                "rotation": 90,
+                "ha": "right",
+                "va": "center",
+                "fontweight": "bold",
+                "fontsize": 10,
+            }
             line[0].text(-0.02, 0.5, panels[0].label, transform=line[0].transAxes, **name)
     return Path(path)
 
@@ -186,12 +218,15 @@ def _scenes(panels: Sequence[PosturePanel]) -> list[np.ndarray]:
 
 def _scene(frames: rendering.SpaceFrames, panel: PosturePanel) -> np.ndarray:
     """A close picture of a posture in space."""
-    robot, item = get_robot(panel.robot_name), get_object(panel.object_name)
+    robot = get_robot(panel.robot_name)
+    item = get_object(panel.object_name)
     view = rendering.close_view(robot, panel.q_r, item, panel.pose)
     return frames.scene(robot, item.name, panel.q_r, panel.pose, view=view)
 
 
-def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str], path: str | os.PathLike) -> Path:
+def value_dots(
+    values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str], path: str | os.PathLike
+) -> Path:
     """Every result as a dot: filled where the object is enclosed, hollow where it can get out.
 
     Args:
@@ -209,8 +244,14 @@ def value_dots(values: Mapping[str, Sequence[np.ndarray]], places: Sequence[str]
             colour = SERIES[i % len(SERIES)]
             for place, group in enumerate(groups):
                 spread = width * 0.7 * (np.arange(len(group)) / max(1, len(group) - 1) - 0.5)
-                x, held = place + (i - (len(values) - 1) / 2) * width + spread, group[:, 1] > 0
-                style: Any = {"s": 20, "linewidths": 1.0, "edgecolors": mix(colour, "black", 0.1), "zorder": 3}
+                x = place + (i - (len(values) - 1) / 2) * width + spread
+                held = group[:, 1] > 0
+                style: Any = {
+                    "s": 20,
+                    "linewidths": 1.0,
+                    "edgecolors": mix(colour, "black", 0.1),
+                    "zorder": 3,
+                }
                 ax.scatter(x[held], group[held, 0], facecolors=colour, **style)
                 ax.scatter(x[~held], group[~held, 0], facecolors="white", **style)
             ax.scatter([], [], s=20, color=colour, label=label)

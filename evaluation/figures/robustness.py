@@ -1,4 +1,6 @@
-"""The figure of all perturbations at once: success, and how far the object drifts on the way and at the end."""
+"""The figure of all perturbations at once: success, and how far the object drifts on the way and at
+the end.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class Robustness(NamedTuple):
 
 
 def robustness(rows: Mapping[str, Mapping[str, Robustness]], path: str | os.PathLike) -> Path:
-    """Dots with intervals for each protocol and mode: success from both kinds of start, and the drift.
+    """Dots with intervals for each protocol and mode: success from both kinds of start, and the
+    drift.
 
     In the last column a line leads from the largest deviation on the way (bar) to that at the end
     (dot): a long line to a dot at the left is an object that the arm has brought back.
@@ -55,7 +58,8 @@ def robustness(rows: Mapping[str, Mapping[str, Robustness]], path: str | os.Path
     Returns:
         The path.
     """
-    names, modes = list(rows), list(next(iter(rows.values())))
+    names = list(rows)
+    modes = list(next(iter(rows.values())))
     with figure_file(path, 10.5, 1.1 + LINE * len(names)) as figure:
         axes = np.ravel(figure.subplots(1, 3, sharey=True, width_ratios=[1, 1, 1.5]))
         for rank, name in enumerate(modes):
@@ -89,7 +93,8 @@ def _dots(ax: Axes, values: Sequence[np.ndarray], where: np.ndarray, colour: str
 
 def _drift(ax: Axes, cells: Sequence[Robustness], where: np.ndarray, colour: str) -> None:
     """The way back from the largest deviation to that at the end."""
-    millimetres = 1e3 * np.array([(cell.deviation.value, cell.end.value) for cell in cells])  # (rows, 2)
+    # (rows, 2)
+    millimetres = 1e3 * np.array([(cell.deviation.value, cell.end.value) for cell in cells])
     largest, end = np.maximum(millimetres, LEAST).T
     ax.hlines(where, end, largest, color=mix(colour, "white", 0.5), lw=1.6, zorder=2)
     ax.plot(largest, where, "|", color=colour, ms=5.5, mew=1.6, zorder=3)
@@ -97,7 +102,9 @@ def _drift(ax: Axes, cells: Sequence[Robustness], where: np.ndarray, colour: str
 
 
 def _lines(axes: np.ndarray, names: Sequence[str]) -> None:
-    """Names at the left, bands behind every other protocol, and lines between families of protocols."""
+    """Names at the left, bands behind every other protocol, and lines between families of
+    protocols.
+    """
     axes[0].set_yticks(range(len(names)), names)
     axes[0].set_ylim(len(names) - 0.5, -0.5)
     for ax in axes:

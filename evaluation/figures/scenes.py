@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-PANEL, INNER = 3.6, 3.4  # width of a panel with and without the space around it, inches
+# width of a panel with and without the space around it, inches
+PANEL = 3.6
+INNER = 3.4
 PATH_POINTS = 300  # of an object path in a figure
 
 
@@ -59,13 +61,25 @@ def draw_keyframes(ax: Axes, trajectory: Trajectory, steps: Sequence[int]) -> No
     colour = mode_of(trajectory.mode).colour
     for rank, step in enumerate(steps[:-1]):
         age = (rank + 1) / len(steps)
-        line = {"edgecolor": mix("white", rendering.INK, 0.25 + 0.35 * age), "linewidth": 0.6, "zorder": 2 + age}
+        line = {
+            "edgecolor": mix("white", rendering.INK, 0.25 + 0.35 * age),
+            "linewidth": 0.6,
+            "zorder": 2 + age,
+        }
         face = mix("white", GREY, 0.3 + 0.6 * age)
-        rendering.draw_ghost(ax, trajectory.robot, trajectory.q_r[step], facecolor=face, alpha=0.5, **line)
-        rendering.draw_object(
-            ax, trajectory.object, trajectory.pose[step], alpha=0.25 + 0.3 * age, **{**line, "zorder": 3 + age}
+        rendering.draw_ghost(
+            ax, trajectory.robot, trajectory.q_r[step], facecolor=face, alpha=0.5, **line
         )
-    rendering.draw_robot(ax, trajectory.robot, trajectory.q_r[steps[-1]], facecolor=mix("white", colour, 0.3))
+        rendering.draw_object(
+            ax,
+            trajectory.object,
+            trajectory.pose[step],
+            alpha=0.25 + 0.3 * age,
+            **{**line, "zorder": 3 + age},
+        )
+    rendering.draw_robot(
+        ax, trajectory.robot, trajectory.q_r[steps[-1]], facecolor=mix("white", colour, 0.3)
+    )
     rendering.draw_object(ax, trajectory.object, trajectory.pose[steps[-1]])
     _path(ax, trajectory.pose, color=rendering.INK, lw=1.1, ls=(0, (1, 1.2)), zorder=5.8)
     _task(ax, trajectory)
@@ -79,7 +93,8 @@ def _task(ax: Axes, trajectory: Trajectory) -> None:
 
 
 def draw_disturbed(ax: Axes, trajectory: Trajectory, nominal: bool = True) -> None:
-    """Draw disturbed object paths (thin, grey), their ends, their mean (red) and the nominal path (blue).
+    """Draw disturbed object paths (thin, grey), their ends, their mean (red) and the nominal path
+    (blue).
 
     Args:
         ax: where to draw.
@@ -91,9 +106,14 @@ def draw_disturbed(ax: Axes, trajectory: Trajectory, nominal: bool = True) -> No
 
         every = max(1, trajectory.steps // PATH_POINTS)
         paths = trajectory.disturbed[:, ::every, :2]
-        ax.add_collection(LineCollection(list(paths), colors=GREY, linewidths=0.5, alpha=0.45, zorder=3), autolim=False)
+        ax.add_collection(
+            LineCollection(list(paths), colors=GREY, linewidths=0.5, alpha=0.45, zorder=3),
+            autolim=False,
+        )
         ends = trajectory.disturbed[:, -1]
-        ax.scatter(ends[:, 0], ends[:, 1], s=5, color=rendering.INK, linewidths=0, alpha=0.6, zorder=7)
+        ax.scatter(
+            ends[:, 0], ends[:, 1], s=5, color=rendering.INK, linewidths=0, alpha=0.6, zorder=7
+        )
         if nominal:
             _path(ax, trajectory.disturbed.mean(axis=0), color=MEAN, lw=1.8, zorder=5)
     if nominal:
@@ -135,16 +155,23 @@ def keyframes(trajectories: Sequence[Trajectory], path: str | os.PathLike) -> Pa
     steps = [keyframe_steps(trajectory) for trajectory in trajectories]
     box = bounds([replace(trajectory, disturbed=None) for trajectory in trajectories], steps)
     with figure_file(path, PANEL * len(trajectories), _panel_height(box, INNER) + 0.45) as figure:
-        for ax, trajectory, shown in zip(np.ravel(figure.subplots(1, len(steps))), trajectories, steps, strict=True):
+        for ax, trajectory, shown in zip(
+            np.ravel(figure.subplots(1, len(steps))), trajectories, steps, strict=True
+        ):
             draw_keyframes(ax, trajectory, shown)
             first = trajectory.first_contact
-            _title(ax, trajectory, "" if first is None else f"first contact {trajectory.period * first:.0f} s")
+            _title(
+                ax,
+                trajectory,
+                "" if first is None else f"first contact {trajectory.period * first:.0f} s",
+            )
             show_scene(ax, box)
     return Path(path)
 
 
 def trajectories(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path:
-    """One panel for each plan: disturbed object paths, their mean, the nominal path, the robot at the end.
+    """One panel for each plan: disturbed object paths, their mean, the nominal path, the robot at
+    the end.
 
     Args:
         plans: executions with disturbed ones.
@@ -154,12 +181,18 @@ def trajectories(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path:
         The path.
     """
     box = bounds(plans, [[plan.steps] for plan in plans])
-    legend = 0.75 if len(plans) > 1 else 1.1  # of two rows below one panel, which has no room for a row of all
+    # of two rows below one panel, which has no room for a row of all
+    legend = 0.75 if len(plans) > 1 else 1.1
     with figure_file(path, PANEL * len(plans), _panel_height(box, INNER) + legend) as figure:
         axes = np.ravel(figure.subplots(1, len(plans)))
         for ax, plan in zip(axes, plans, strict=True):
             rendering.draw_ghost(
-                ax, plan.robot, plan.q_r[-1], facecolor="#eceef2", edgecolor=mix("white", rendering.INK, 0.3), alpha=1.0
+                ax,
+                plan.robot,
+                plan.q_r[-1],
+                facecolor="#eceef2",
+                edgecolor=mix("white", rendering.INK, 0.3),
+                alpha=1.0,
             )
             rendering.draw_object(ax, plan.object, plan.pose[0], alpha=0.5, zorder=2)
             draw_disturbed(ax, plan)
@@ -179,13 +212,18 @@ def _path_legend(figure: Figure, tracking: bool) -> None:
         Line2D([], [], color=MEAN, lw=1.8, label="mean of the disturbed"),
     ]
     if tracking:
-        handles.append(Line2D([], [], color=rendering.GOAL, lw=1.6, ls=(0, (4, 2)), label="reference"))
+        handles.append(
+            Line2D([], [], color=rendering.GOAL, lw=1.6, ls=(0, (4, 2)), label="reference")
+        )
     columns = len(handles) if figure.get_figwidth() > PANEL else 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
-def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajectory | None = None) -> Path:
-    """The hero picture: keyframes with disturbed object paths for each plan, the field of one of them below.
+def overview(
+    plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajectory | None = None
+) -> Path:
+    """The hero picture: keyframes with disturbed object paths for each plan, the field of one of
+    them below.
 
     Args:
         plans: executions with disturbed ones.
@@ -198,12 +236,16 @@ def overview(plans: Sequence[Trajectory], path: str | os.PathLike, strip: Trajec
     strip = strip or plans[-1]
     steps = [keyframe_steps(plan, between=1) for plan in plans]
     box = bounds(plans, steps)
-    width, columns = PANEL * len(plans), 4
-    top, bottom = _panel_height(box, INNER) + 0.75, (width - 0.6) / columns + 0.75
+    width = PANEL * len(plans)
+    columns = 4
+    top = _panel_height(box, INNER) + 0.75
+    bottom = (width - 0.6) / columns + 0.75
     with figure_file(path, width, top + bottom) as figure:
         subfigures: Any = figure.subfigures(2, 1, height_ratios=[top, bottom])
         upper, lower = subfigures
-        for ax, plan, shown in zip(np.ravel(upper.subplots(1, len(plans))), plans, steps, strict=True):
+        for ax, plan, shown in zip(
+            np.ravel(upper.subplots(1, len(plans))), plans, steps, strict=True
+        ):
             draw_keyframes(ax, plan, shown)
             draw_disturbed(ax, plan, nominal=False)
             _title(ax, plan, _success_note(plan))
@@ -219,7 +261,14 @@ def _overview_handles() -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     return [
-        Line2D([], [], color=rendering.INK, lw=1.1, ls=(0, (1, 1.2)), label="object without disturbance"),
+        Line2D(
+            [],
+            [],
+            color=rendering.INK,
+            lw=1.1,
+            ls=(0, (1, 1.2)),
+            label="object without disturbance",
+        ),
         Line2D([], [], color=GREY, lw=0.8, label="disturbed"),
         Line2D([], [], color=rendering.INK, marker="o", ms=3, lw=0, label="where they end"),
         goal_handle(),

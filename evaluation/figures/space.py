@@ -18,10 +18,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TIMES = (0.0, 33.0, 66.0, 100.0)  # s
-PANEL, LABEL = 2.3, 0.35  # width of a panel and of the labels, inches
+# width of a panel and of the labels, inches
+PANEL = 2.3
+LABEL = 0.35
 ASPECT = 0.75  # height of a picture over its width
 DEPTH = 0.78  # of the plane that such a picture shows, over its width
-RAISED = 0.09  # shift of what is looked at, over half of its width: objects are tall and stand at the back
+# shift of what is looked at, over half of its width: objects are tall and stand at the back
+RAISED = 0.09
 
 Steps = Sequence[Sequence[int]]  # for each execution those to be shown
 
@@ -29,20 +32,23 @@ Steps = Sequence[Sequence[int]]  # for each execution those to be shown
 def space_keyframes(
     trajectories: Sequence[Trajectory], path: str | os.PathLike, times: Sequence[float] = TIMES
 ) -> Path:
-    """Robot and object in space at some times, one row for each execution; a line shows the way of the object.
+    """Robot and object in space at some times, one row for each execution; a line shows the way of
+    the object.
 
     Without OpenGL the same keyframes are drawn in the plane, and a warning says so.
 
     Args:
-        trajectories: nominal executions, from top to bottom; where an object has loose bodies, `loose`
-            says where they are.
+        trajectories: nominal executions, from top to bottom; where an object has loose bodies,
+            `loose` says where they are.
         path: where to write the PNG.
         times: from left to right, s; those after an execution's end show its end.
 
     Returns:
         The path.
     """
-    steps = [[min(round(time / each.period), each.steps) for time in times] for each in trajectories]
+    steps = [
+        [min(round(time / each.period), each.steps) for time in times] for each in trajectories
+    ]
     box = bounds([replace(each, disturbed=None) for each in trajectories], steps)
     pictures = _pictures(trajectories, steps, _view(box))
     aspect = ASPECT if pictures else float(np.ptp(box[1]) / np.ptp(box[0]))
@@ -70,7 +76,9 @@ def _view(box: np.ndarray) -> rendering.View:
     return rendering.View(box.mean(axis=1) + np.array([0.0, RAISED * half]), half)
 
 
-def _pictures(trajectories: Sequence[Trajectory], steps: Steps, view: rendering.View) -> list[list[np.ndarray]]:
+def _pictures(
+    trajectories: Sequence[Trajectory], steps: Steps, view: rendering.View
+) -> list[list[np.ndarray]]:
     """Pictures in space, shape (height, width, 3) each; none where there is no OpenGL."""
     frames = rendering.SpaceFrames()
     try:
@@ -85,10 +93,15 @@ def _pictures(trajectories: Sequence[Trajectory], steps: Steps, view: rendering.
         frames.close()
 
 
-def _picture(frames: rendering.SpaceFrames, trajectory: Trajectory, step: int, view: rendering.View) -> np.ndarray:
-    marks = rendering.task_marks(trajectory.goal, trajectory.reference, trajectory.pose[: step + 1, :2])
+def _picture(
+    frames: rendering.SpaceFrames, trajectory: Trajectory, step: int, view: rendering.View
+) -> np.ndarray:
+    marks = rendering.task_marks(
+        trajectory.goal, trajectory.reference, trajectory.pose[: step + 1, :2]
+    )
     loose = None if trajectory.loose is None else trajectory.loose[step]
-    q, pose = trajectory.q_r[step], trajectory.pose[step]
+    q = trajectory.q_r[step]
+    pose = trajectory.pose[step]
     picture = frames.scene(trajectory.robot, trajectory.object_name, q, pose, marks, view, loose)
     rows = len(picture)
     cut = round(0.5 * (1 - ASPECT) * rows)

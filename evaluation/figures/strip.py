@@ -34,7 +34,9 @@ def strip_steps(trajectory: Trajectory, count: int) -> list[int]:
     return np.linspace(trajectory.first_contact or 0, trajectory.steps, count).astype(int).tolist()
 
 
-def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, escape: rendering.Escape, top: float) -> AxesImage:
+def draw_field_panel(
+    ax: Axes, trajectory: Trajectory, step: int, escape: rendering.Escape, top: float
+) -> AxesImage:
     """Draw the escape-time field at one step with the object's fastest way out.
 
     Args:
@@ -47,13 +49,22 @@ def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, escape: render
     Returns:
         The heat map, for a colour bar.
     """
-    q, pose = trajectory.q_r[step], trajectory.pose[step]
+    q = trajectory.q_r[step]
+    pose = trajectory.pose[step]
     image = rendering.draw_field(
-        ax, trajectory.robot, q, escape.field_map, rendering.FieldStyle(labels=False, line=0.6, top=top)
+        ax,
+        trajectory.robot,
+        q,
+        escape.field_map,
+        rendering.FieldStyle(labels=False, line=0.6, top=top),
     )
     rendering.draw_escape(ax, escape, linewidth=1.6)
     rendering.draw_robot(
-        ax, trajectory.robot, q, None if trajectory.contact is None else trajectory.contact[step], linewidth=0.7
+        ax,
+        trajectory.robot,
+        q,
+        None if trajectory.contact is None else trajectory.contact[step],
+        linewidth=0.7,
     )
     rendering.draw_object(ax, trajectory.object, pose, linewidth=0.8)
     rendering.draw_goal(ax, trajectory.goal, linewidth=1.4)
@@ -66,7 +77,8 @@ def draw_field_panel(ax: Axes, trajectory: Trajectory, step: int, escape: render
 
 
 def draw_strip(figure: Any, trajectory: Trajectory, steps: Sequence[int]) -> None:
-    """One panel of the field for each of some steps, with a colour bar and a legend of the ways out.
+    """One panel of the field for each of some steps, with a colour bar and a legend of the ways
+    out.
 
     Args:
         figure: or subfigure.
@@ -74,7 +86,9 @@ def draw_strip(figure: Any, trajectory: Trajectory, steps: Sequence[int]) -> Non
         steps: which steps.
     """
     at = [(trajectory.pose[step], trajectory.q_r[step]) for step in steps]
-    escapes = [rendering.solve_escape(trajectory.robot_name, trajectory.object, pose, q) for pose, q in at]
+    escapes = [
+        rendering.solve_escape(trajectory.robot_name, trajectory.object, pose, q) for pose, q in at
+    ]
     top = rendering.field_top(escape.caging for escape in escapes)
     axes = np.ravel(figure.subplots(1, len(steps)))
     for ax, step, escape in zip(axes, steps, escapes, strict=True):
@@ -84,7 +98,9 @@ def draw_strip(figure: Any, trajectory: Trajectory, steps: Sequence[int]) -> Non
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.6)
 
 
-def field_strip(trajectory: Trajectory, path: str | os.PathLike, steps: Sequence[int] | None = None) -> Path:
+def field_strip(
+    trajectory: Trajectory, path: str | os.PathLike, steps: Sequence[int] | None = None
+) -> Path:
     """The escape-time field and the fastest way out at several times of a plan.
 
     Args:
@@ -105,7 +121,9 @@ def goal_handle() -> Line2D:
     """A sample of the goal region for a legend."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], marker="o", ms=7, mfc="none", mec=rendering.GOAL, mew=1.6, lw=0, label="goal region")
+    return Line2D(
+        [], [], marker="o", ms=7, mfc="none", mec=rendering.GOAL, mew=1.6, lw=0, label="goal region"
+    )
 
 
 def _touched_handle(trajectory: Trajectory) -> list[Line2D]:

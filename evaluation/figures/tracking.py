@@ -15,7 +15,10 @@ from piec_envs import GOAL_RADIUS, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-HEIGHT, LEAST_WIDTH, CURVES = 2.9, 1.8, 4.2  # of the plane, and width of the curves beside it, inches
+# of the plane, and width of the curves beside it, inches
+HEIGHT = 2.9
+LEAST_WIDTH = 1.8
+CURVES = 4.2
 MARGIN = 0.03  # around ways and goals, m
 
 
@@ -33,16 +36,25 @@ class Tracked:
 
 
 def weight_colours(weights: Sequence[float]) -> dict[float, str]:
-    """A colour for each lambda, the weight of tracking over that of caging, from orange to purple."""
+    """A colour for each lambda, the weight of tracking over that of caging, from orange to
+    purple.
+    """
     from matplotlib.colors import to_hex
 
-    first, last = MODES["contact"].colour, MODES["caging"].colour
+    first = MODES["contact"].colour
+    last = MODES["caging"].colour
     ordered = sorted(weights)
-    return {weight: to_hex(mix(first, last, k / max(1, len(ordered) - 1))) for k, weight in enumerate(ordered)}
+    return {
+        weight: to_hex(mix(first, last, k / max(1, len(ordered) - 1)))
+        for k, weight in enumerate(ordered)
+    }
 
 
-def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit: float | None = None) -> Path:
-    """Tracking error over mean caging for each lambda: small dots are plans, large ones their means.
+def tradeoff(
+    points: Mapping[float, np.ndarray], path: str | os.PathLike, limit: float | None = None
+) -> Path:
+    """Tracking error over mean caging for each lambda: small dots are plans, large ones their
+    means.
 
     Args:
         points: lambda -> mean caging and mean tracking error (m) of each plan, shape (M, 2).
@@ -55,18 +67,26 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
     colours = weight_colours(list(points))
     with figure_file(path, 4.6, 3.4) as figure:
         ax = figure.subplots()
-        means = np.array([np.mean(points[weight], axis=0) for weight in sorted(points)]) * [1, 1e3]  # (weights, 2)
+        # (weights, 2)
+        means = np.array([np.mean(points[weight], axis=0) for weight in sorted(points)]) * [1, 1e3]
         ax.plot(*means.T, color="#b9bdc8", lw=1.0, zorder=2)
         for mean, weight in zip(means, sorted(points), strict=True):
             caging, error = np.asarray(points[weight]).T
-            ax.scatter(caging, 1e3 * error, s=14, color=colours[weight], alpha=0.5, linewidths=0, zorder=3)
+            ax.scatter(
+                caging, 1e3 * error, s=14, color=colours[weight], alpha=0.5, linewidths=0, zorder=3
+            )
             style: dict[str, Any] = {"s": 64, "edgecolors": "white", "linewidths": 0.9, "zorder": 4}
             ax.scatter(mean[0], mean[1], color=colours[weight], label=_weight(weight), **style)
         ax.margins(x=0.14, y=0.14)
         ax.set_ylim(bottom=0)
-        if limit is not None and 1e3 * limit <= ax.get_ylim()[1]:  # far above all plans it says nothing
+        # far above all plans it says nothing
+        if limit is not None and 1e3 * limit <= ax.get_ylim()[1]:
             ax.axhline(1e3 * limit, color=rendering.GOAL, lw=1.2, ls=(0, (2, 1.5)), zorder=1)
-            end: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.get_yaxis_transform()}
+            end: dict[str, Any] = {
+                "ha": "right",
+                "va": "bottom",
+                "transform": ax.get_yaxis_transform(),
+            }
             ax.text(
                 1.0,
                 1e3 * limit,
@@ -78,14 +98,17 @@ def tradeoff(points: Mapping[float, np.ndarray], path: str | os.PathLike, limit:
         ax.grid(axis="x")
         ax.set_xlabel("mean caging")
         ax.set_ylabel("mean tracking error [mm]")
-        figure.legend(loc="outside upper center", ncols=len(points), handletextpad=0.1, columnspacing=1.1)
+        figure.legend(
+            loc="outside upper center", ncols=len(points), handletextpad=0.1, columnspacing=1.1
+        )
     return Path(path)
 
 
 def reference_paths(runs: Mapping[float, Sequence[Tracked]], path: str | os.PathLike) -> Path:
     """Left the references and the ways of the object, right caging over time, both by lambda.
 
-    Several executions of one lambda are a line each at the left, and a mean with the range at the right.
+    Several executions of one lambda are a line each at the left, and a mean with the range at the
+    right.
 
     Args:
         runs: lambda -> executions, all of the same length.
@@ -115,18 +138,34 @@ def reference_paths(runs: Mapping[float, Sequence[Tracked]], path: str | os.Path
 
 def _draw_task(ax: Axes, shown: Sequence[Trajectory]) -> None:
     """References, each once, the goal region and where the object starts."""
-    references = {each.reference.tobytes(): each.reference for each in shown if each.reference is not None}
+    references = {
+        each.reference.tobytes(): each.reference for each in shown if each.reference is not None
+    }
     for rank, reference in enumerate(references.values()):
-        rendering.draw_reference(ax, reference, linewidth=2.4, zorder=4, label="" if rank else "reference")
-    ax.plot(*shown[0].pose[0, :2], "o", color=rendering.OBJECT, mec=rendering.INK, mew=0.8, ms=7, zorder=8)
+        rendering.draw_reference(
+            ax, reference, linewidth=2.4, zorder=4, label="" if rank else "reference"
+        )
+    ax.plot(
+        *shown[0].pose[0, :2],
+        "o",
+        color=rendering.OBJECT,
+        mec=rendering.INK,
+        mew=0.8,
+        ms=7,
+        zorder=8,
+    )
     rendering.draw_goal(ax, shown[0].goal, linewidth=1.4)
 
 
 def path_box(plans: Sequence[Trajectory]) -> np.ndarray:
-    """Box around all ways of the object, references and goal regions, ((x_min, x_max), (y_min, y_max)), m."""
+    """Box around all ways of the object, references and goal regions, ((x_min, x_max), (y_min,
+    y_max)), m.
+    """
     points = [plan.goal[None] + shift for plan in plans for shift in (-GOAL_RADIUS, GOAL_RADIUS)]
     points += [plan.pose[:, :2] for plan in plans]
-    points += [plan.disturbed[..., :2].reshape(-1, 2) for plan in plans if plan.disturbed is not None]
+    points += [
+        plan.disturbed[..., :2].reshape(-1, 2) for plan in plans if plan.disturbed is not None
+    ]
     points += [plan.reference for plan in plans if plan.reference is not None]
     cloud = np.concatenate(points)  # (m, 2)
     return np.stack([cloud.min(axis=0) - MARGIN, cloud.max(axis=0) + MARGIN], axis=1)
@@ -151,7 +190,9 @@ def _draw_caging(ax: Axes, runs: Sequence[Tracked], colour: str, label: str) -> 
     caging = np.stack([run.caging for run in runs])  # (M, N + 1)
     time = runs[0].trajectory.period * np.arange(caging.shape[1])
     if len(runs) > 1:
-        ax.fill_between(time, caging.min(axis=0), caging.max(axis=0), color=colour, alpha=0.18, linewidth=0)
+        ax.fill_between(
+            time, caging.min(axis=0), caging.max(axis=0), color=colour, alpha=0.18, linewidth=0
+        )
     ax.plot(time, caging.mean(axis=0), color=colour, lw=1.7, label=label)
 
 

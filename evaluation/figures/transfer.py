@@ -1,4 +1,6 @@
-"""The figure of plans under plants that are ever closer to a real one: what was planned and what came of it."""
+"""The figure of plans under plants that are ever closer to a real one: what was planned and what
+came of it.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ PANEL = 2.9  # width of a panel, inches
 
 
 def transfer_paths(plans: Sequence[Trajectory], path: str | os.PathLike) -> Path:
-    """One panel for each plant: the planned way of the object blue, its trials thin and dashed, their mean red.
+    """One panel for each plant: the planned way of the object blue, its trials thin and dashed,
+    their mean red.
 
     Args:
         plans: planned executions named by their plants; `disturbed` holds the trials.
@@ -53,7 +56,9 @@ def _draw_trials(ax: Axes, plan: Trajectory) -> None:
         ax.plot(*trial[-1, :2], "o", color=rendering.INK, ms=2.5, zorder=7)
     if plan.disturbed is not None:
         ax.plot(*plan.disturbed.mean(axis=0)[:, :2].T, color=MEAN, lw=1.8, zorder=6)
-    ax.plot(*plan.pose[0, :2], "o", color=rendering.OBJECT, mec=rendering.INK, mew=0.8, ms=7, zorder=8)
+    ax.plot(
+        *plan.pose[0, :2], "o", color=rendering.OBJECT, mec=rendering.INK, mew=0.8, ms=7, zorder=8
+    )
 
 
 def _legend(figure: Figure) -> None:
@@ -64,8 +69,26 @@ def _legend(figure: Figure) -> None:
         Line2D([], [], color=rendering.INK, lw=0.8, ls=(0, (4, 2)), label="trials"),
         Line2D([], [], color=MEAN, lw=1.8, label="their mean"),
         Line2D(
-            [], [], color=rendering.OBJECT, marker="o", mec=rendering.INK, mew=0.8, ms=7, lw=0, label="nominal start"
+            [],
+            [],
+            color=rendering.OBJECT,
+            marker="o",
+            mec=rendering.INK,
+            mew=0.8,
+            ms=7,
+            lw=0,
+            label="nominal start",
         ),
-        Line2D([], [], color=rendering.GOAL, marker="o", ms=8, mfc="none", mew=1.4, lw=0, label="goal region"),
+        Line2D(
+            [],
+            [],
+            color=rendering.GOAL,
+            marker="o",
+            ms=8,
+            mfc="none",
+            mew=1.4,
+            lw=0,
+            label="goal region",
+        ),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), handlelength=2.2)

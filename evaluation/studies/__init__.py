@@ -96,12 +96,14 @@ STUDIES = {
         Study(
             "franka-starts",
             "evaluation.studies.franka_starts",
-            "where the moving Franka begins: static problems with the base free (paper, section 7.2)",
+            "where the moving Franka begins: static problems with the base free (paper, section "
+            "7.2)",
         ),
         Study(
             "franka-push",
             "evaluation.studies.franka_push",
-            "a mobile Franka with four contact geometries under noise and mismatch (paper, section 7.2.1)",
+            "a mobile Franka with four contact geometries under noise and mismatch (paper, "
+            "section 7.2.1)",
         ),
         Study(
             "franka-tracking",
@@ -111,7 +113,8 @@ STUDIES = {
         Study(
             "franka-fixed",
             "evaluation.studies.franka_fixed",
-            "a Franka on a fixed base, where all depends on planning (the task of the paper's section 7.3)",
+            "a Franka on a fixed base, where all depends on planning (the task of the paper's "
+            "section 7.3)",
         ),
         Study(
             "sim-to-real",

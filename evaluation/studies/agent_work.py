@@ -1,7 +1,7 @@
 """Trained agents as pieces of work: train once, and the policies of an agent, closed and open loop.
 
-Agents lie in `agents` under the folder of all studies and are committed: whoever runs a study again takes them
-from there, and an emptied folder is trained again. Needs the extra `rl`.
+Agents lie in `agents` under the folder of all studies and are committed: whoever runs a study again
+takes them from there, and an emptied folder is trained again. Needs the extra `rl`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ LOOPS = ("closed", "open")
 
 @dataclass(frozen=True)
 class AgentCase:
-    """One training, and the env that its agent is executed in; to be used where studies take a `Case`.
+    """One training, and the env that its agent is executed in; to be used where studies take a
+    `Case`.
 
     Args:
         label: what tables and figures call it.
@@ -52,9 +53,15 @@ class AgentCase:
 
         hyper = dict(self.hyper)
         steps = hyper.pop("n_timesteps", None)
-        spec = default_spec(self.env_id, self.algo, seed, steps, dict(self.train_kwargs), hyper).as_json()
+        spec = default_spec(
+            self.env_id, self.algo, seed, steps, dict(self.train_kwargs), hyper
+        ).as_json()
         del spec["seed"]
-        return Work({"work": "train", "env_id": self.env_id, "train": spec}, seed, f"{self.label}, seed {seed}")
+        return Work(
+            {"work": "train", "env_id": self.env_id, "train": spec},
+            seed,
+            f"{self.label}, seed {seed}",
+        )
 
     def evaluation_work(self, seed: int, protocol: str, episodes: int) -> Work:
         """Evaluating the agent of one seed under a protocol.
@@ -90,7 +97,11 @@ def agent_folder(folder: str | Path, spec: Mapping[str, Any], seed: int) -> Path
         The path, whether it is there or not.
     """
     name = spec["env_id"].rpartition("/")[2]
-    return Path(folder) / "agents" / f"{name}-{spec['train']['algo']}-seed{seed}-{work_key(spec, seed)[:8]}"
+    return (
+        Path(folder)
+        / "agents"
+        / f"{name}-{spec['train']['algo']}-seed{seed}-{work_key(spec, seed)[:8]}"
+    )
 
 
 def train_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
@@ -102,7 +113,8 @@ def train_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
         context: with the folder of all studies.
 
     Returns:
-        Its folder's name, the steps of the environment that the training took, and the evaluations on the way.
+        Its folder's name, the steps of the environment that the training took, and the evaluations
+        on the way.
     """
     import torch
 
@@ -117,7 +129,10 @@ def train_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
     finally:
         torch.set_num_threads(threads)
     # Times differ from run to run, and records must not.
-    curve = [{name: value for name, value in entry.items() if name != "seconds"} for entry in read_curve(folder)]
+    curve = [
+        {name: value for name, value in entry.items() if name != "seconds"}
+        for entry in read_curve(folder)
+    ]
     return {"folder": folder.name, "steps": agent.steps, "curve": curve}
 
 

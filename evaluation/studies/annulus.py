@@ -1,8 +1,8 @@
 """A square annulus in a disc, and the exact escape time around and through it (paper, section 3.4).
 
 Outside, the fastest way is a shortest path around a convex obstacle: straight lines from corner to
-corner, the last of them radial. From the cavity it leads through a leaky wall: it is refracted where
-it enters and where it leaves the wall (Fermat), and goes on outside as above.
+corner, the last of them radial. From the cavity it leads through a leaky wall: it is refracted
+where it enters and where it leaves the wall (Fermat), and goes on outside as above.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Annulus:
     @property
     def walls(self) -> tuple[RoundedPolygon, ...]:
         """Four boxes, which overlap at the corners so that no seam is left."""
-        a, b = self.inner, self.outer
+        a = self.inner
+        b = self.outer
         box = np.array([(a, -b), (b, -b), (b, b), (a, b)])
         return tuple(RoundedPolygon(self.to_world(box @ _turn(np.pi / 2 * k).T)) for k in range(4))
 
@@ -80,8 +81,11 @@ class Annulus:
         """Points on a square by their share of its perimeter, shapes (..., 2), (...)."""
         side, along = np.divmod(4 * (np.asarray(share) % 1.0), 1.0)
         angle = np.pi / 2 * side
-        x, y = 2 * along - 1, np.full_like(along, -1.0)
-        corner = np.stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y], -1)
+        x = 2 * along - 1
+        y = np.full_like(along, -1.0)
+        corner = np.stack(
+            [np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y], -1
+        )
         return self.to_world(half * corner)
 
     def blocks(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -93,11 +97,16 @@ class Annulus:
         Returns:
             Shape (...), bool.
         """
-        frame, half = _turn(self.angle), self.outer * SHRINK
-        a, d = (start - self.centre) @ frame, (end - start) @ frame
+        frame = _turn(self.angle)
+        half = self.outer * SHRINK
+        a = (start - self.centre) @ frame
+        d = (end - start) @ frame
         with np.errstate(divide="ignore", invalid="ignore"):
-            low, high = (-half - a) / d, (half - a) / d  # where the line meets the two sides on each axis
-        enter, leave = np.minimum(low, high).max(axis=-1), np.maximum(low, high).min(axis=-1)
+            # where the line meets the two sides on each axis
+            low = (-half - a) / d
+            high = (half - a) / d
+        enter = np.minimum(low, high).max(axis=-1)
+        leave = np.maximum(low, high).min(axis=-1)
         return np.maximum(enter, 0.0) < np.minimum(leave, 1.0)
 
     def exit_distance(self, points: np.ndarray) -> np.ndarray:
@@ -112,7 +121,9 @@ class Annulus:
         corners = self.outline(self.outer)  # (4, 2)
         beyond = self._straight(corners)
         for _ in range(2):  # the last corner is at most two sides away
-            beyond = np.minimum(beyond, 2 * self.outer + np.minimum(np.roll(beyond, 1), np.roll(beyond, -1)))
+            beyond = np.minimum(
+                beyond, 2 * self.outer + np.minimum(np.roll(beyond, 1), np.roll(beyond, -1))
+            )
         start = points[:, None]  # (M, 1, 2)
         around = np.linalg.norm(start - corners, axis=-1) + beyond  # (M, 4)
         around[self.blocks(start, np.broadcast_to(corners, (len(points), 4, 2)))] = np.inf
@@ -138,16 +149,20 @@ class Annulus:
             return np.inf
         entry = leave = np.arange(PERIMETER) / PERIMETER
         for zoom in range(ZOOMS + 1):
-            a, b = self._on_square(self.inner, entry), self._on_square(self.outer, leave)  # (m, 2) each
+            # (m, 2) each
+            a = self._on_square(self.inner, entry)
+            b = self._on_square(self.outer, leave)
             free = np.linalg.norm(a - point, axis=-1)[:, None] + self.exit_distance(b)
             total = free + np.linalg.norm(a[:, None] - b, axis=-1) / leak  # (m, m)
             i, j = np.unravel_index(total.argmin(), total.shape)
             near = np.linspace(-2, 2, 41) / PERIMETER / 5**zoom
-            entry, leave = entry[i] + near, leave[j] + near
+            entry = entry[i] + near
+            leave = leave[j] + near
         return float(total.min())
 
 
 def _turn(angle: float) -> np.ndarray:
     """Rotation matrix."""
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.array([[c, -s], [s, c]])

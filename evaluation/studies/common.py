@@ -1,4 +1,6 @@
-"""What studies share: cases, the run that plans and evaluates them with records, and rows of tables."""
+"""What studies share: cases, the run that plans and evaluates them with records, and rows of
+tables.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,26 @@ from evaluation.metrics import bootstrap_interval, wilson_interval
 from evaluation.outcome import Evaluation
 from evaluation.protocols import get_protocol
 from evaluation.studies import PUSH
-from evaluation.studies.work import drawn_evaluation, evaluation_spec, get_plan, plan_file, plan_spec
+from evaluation.studies.work import (
+    drawn_evaluation,
+    evaluation_spec,
+    get_plan,
+    plan_file,
+    plan_spec,
+)
 from evaluation.tables import Rates, Spread
 from piec_envs import console
 from planners import Plan
 
 PLANNER_SEEDS = (0, 1, 2, 3, 4)
 DRAWN_STARTS = 20
-SMOKE_PLANNER = {"iterations": 2, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
+SMOKE_PLANNER = {
+    "iterations": 2,
+    "population": 4,
+    "restarts": 1,
+    "start": "rest",
+    "robust_iterations": 0,
+}
 DO = "evaluation.studies.work:do"
 
 
@@ -35,7 +49,8 @@ class Case:
     Args:
         label: what tables and figures call it.
         planner: arguments of `CmaEsPlanner`.
-        env_kwargs: keyword arguments of the nominal model and of the plant; protocols change the plant.
+        env_kwargs: keyword arguments of the nominal model and of the plant; protocols change the
+            plant.
         env_id: id of the environment.
         model: keyword arguments of the nominal model alone.
     """
@@ -72,7 +87,9 @@ class Case:
         return Work(spec, seed, f"{self.label}, seed {seed}, {protocol}")
 
 
-def mode_cases(objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]) -> list[Case]:
+def mode_cases(
+    objectives: Sequence[str], planner: Mapping[str, Any], env_kwargs: Mapping[str, Any]
+) -> list[Case]:
     """One case for each objective; all else is the same.
 
     Args:
@@ -176,12 +193,17 @@ class StudyRun:
     def draw(self, *drawings: Callable[[], Path]) -> list[Path]:
         """Make figures one after the other; returns their files."""
         return [
-            draw() for draw in tqdm(drawings, "drawing", disable=console.no_bar(self.progress), leave=False, delay=0.5)
+            draw()
+            for draw in tqdm(
+                drawings, "drawing", disable=console.no_bar(self.progress), leave=False, delay=0.5
+            )
         ]
 
     def _run(self, works: list[Work], label: str) -> list[dict[str, Any]]:
         file = self.out_dir / "records.jsonl"
-        records = run_recorded(DO, works, file, self.jobs, self.context, label if self.progress else "")
+        records = run_recorded(
+            DO, works, file, self.jobs, self.context, label if self.progress else ""
+        )
         return [record["result"] for record in records]
 
     def _by_case(self, results: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
@@ -199,7 +221,9 @@ def column(results: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:
     Returns:
         Shape (plans,); None becomes NaN.
     """
-    return np.array([np.nan if result[name] is None else result[name] for result in results], dtype=float)
+    return np.array(
+        [np.nan if result[name] is None else result[name] for result in results], dtype=float
+    )
 
 
 def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -211,7 +235,8 @@ def success_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     Returns:
         Cells of a table.
     """
-    first, rates = results[0], [result["success_rate"] for result in results]
+    first = results[0]
+    rates = [result["success_rate"] for result in results]
     return {
         "plans": len(results),
         "n": executions(results),
@@ -233,7 +258,11 @@ def executions(results: Sequence[Mapping[str, Any]], name: str = "n") -> str:
         Such as "5 x 100", or the sum where plans differ in it.
     """
     counts = sorted({result[name] for result in results})
-    return f"{len(results)} x {counts[0]}" if len(counts) == 1 else str(sum(result[name] for result in results))
+    return (
+        f"{len(results)} x {counts[0]}"
+        if len(counts) == 1
+        else str(sum(result[name] for result in results))
+    )
 
 
 def distance_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -244,7 +273,8 @@ def distance_columns(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     weights = column(results, "n")
     cells: dict[str, Any] = {}
     for name, label in (("d2g", "d2g, m"), ("goal_distance", "goal distance, m")):
-        means, deviations = column(results, f"{name}_mean"), column(results, f"{name}_std")
+        means = column(results, f"{name}_mean")
+        deviations = column(results, f"{name}_std")
         mean = float(np.average(means, weights=weights))
         variance = float(np.average(deviations**2 + (means - mean) ** 2, weights=weights))
         cells[label] = Spread(mean, variance**0.5)

@@ -1,4 +1,6 @@
-"""What the studies of contact geometries share (paper, section 7.2): methods, controls, tables and pictures."""
+"""What the studies of contact geometries share (paper, section 7.2): methods, controls, tables and
+pictures.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.figures import animate_rollouts, keyframes, mismatch_paths, over_time, space_keyframes, trajectories
+from evaluation.figures import (
+    animate_rollouts,
+    keyframes,
+    mismatch_paths,
+    over_time,
+    space_keyframes,
+    trajectories,
+)
 from evaluation.figures.base import mode_of
 from evaluation.studies.common import (
     DRAWN_STARTS,
@@ -24,14 +33,29 @@ from evaluation.studies.common import (
     spread,
     success_columns,
 )
-from evaluation.studies.contact_notes import CARRY, MISMATCH_NOTES, NOISE_NOTES, USAGE_NOTES, method_notes
+from evaluation.studies.contact_notes import (
+    CARRY,
+    MISMATCH_NOTES,
+    NOISE_NOTES,
+    USAGE_NOTES,
+    method_notes,
+)
 from evaluation.studies.mismatch import Results, evaluate_all, executed
 from evaluation.studies.paper import paper_case
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.tables import Rates, write_table
-from piec_envs import CAGING_SCALE, PAPER_PRESETS, choose_field, get_object, get_robot, object_escape_time
+from piec_envs import (
+    CAGING_SCALE,
+    PAPER_PRESETS,
+    choose_field,
+    get_object,
+    get_robot,
+    object_escape_time,
+)
 
-CAGE, OPEN = {"start": "cage"}, {"start": "open"}  # keyword arguments of the environment
+# keyword arguments of the environment
+CAGE = {"start": "cage"}
+OPEN = {"start": "open"}
 # What each method may touch the object with, where it starts, and what it optimises.
 METHODS: Mapping[str, tuple[Mapping[str, Any], str]] = {
     "Point": ({"contact": "point", **CAGE}, "contact"),
@@ -43,9 +67,12 @@ CONTROLS: Mapping[str, tuple[Mapping[str, Any], str]] = {
     "WAContact, caged start": (CAGE, "contact"),
     "WACaging, open start": (OPEN, "caging"),
 }
-PAPER_CONTROLS = tuple(f"{name}, {preset}" for preset in PAPER_PRESETS for name in ("WAContact", "WACaging"))
+PAPER_CONTROLS = tuple(
+    f"{name}, {preset}" for preset in PAPER_PRESETS for name in ("WAContact", "WACaging")
+)
 ANIMATED_EVERY = 20  # steps between two frames
-SMALL_TABLE = {"name": "table", "resolution": 49, "spacing": 0.3}  # solved in no time, for smoke runs
+# solved in no time, for smoke runs
+SMALL_TABLE = {"name": "table", "resolution": 49, "spacing": 0.3}
 
 
 @dataclass(frozen=True)
@@ -54,7 +81,8 @@ class MethodSettings:
 
     Args:
         methods: keys of METHODS.
-        controls: keys of CONTROLS, "rigid-carry", or methods followed by ", " and one of the paper's presets.
+        controls: keys of CONTROLS, "rigid-carry", or methods followed by ", " and one of the
+            paper's presets.
         planner_seeds: one plan of each case for each.
         noise: protocol of the table of displacements.
         mismatches: protocols of the table of other plants, and what figures call them.
@@ -88,7 +116,9 @@ class Printed:
     mismatch: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def compare_methods(settings: MethodSettings, env_id: str, study: StudyRun, printed: Printed) -> list[Path]:
+def compare_methods(
+    settings: MethodSettings, env_id: str, study: StudyRun, printed: Printed
+) -> list[Path]:
     """Plan and evaluate all cases and write three tables and the figures.
 
     Args:
@@ -102,18 +132,30 @@ def compare_methods(settings: MethodSettings, env_id: str, study: StudyRun, prin
     """
     budget = Budget(env_id, settings.planner, settings.env_kwargs)
     main, others = all_cases(budget, settings.methods, settings.controls)
-    cases, columns = [*main, *others], ("nominal", *settings.mismatches)
+    cases = [*main, *others]
+    columns = ("nominal", *settings.mismatches)
     plans = study.plan(cases)
-    noisy, results = study.evaluate(cases, settings.noise), evaluate_all(study, cases, columns)
-    disturbed, mismatch = disturbed_rows(cases, plans, noisy, printed.noise), mismatch_rows(cases, results, columns)
-    usage, folder = usage_rows(study, cases, results["nominal"]), study.out_dir
+    noisy = study.evaluate(cases, settings.noise)
+    results = evaluate_all(study, cases, columns)
+    disturbed = disturbed_rows(cases, plans, noisy, printed.noise)
+    mismatch = mismatch_rows(cases, results, columns)
+    usage = usage_rows(study, cases, results["nominal"])
+    folder = study.out_dir
     methods = method_notes(settings.controls)
     for row in printed_rows(printed, columns):
         last = max(k for k, other in enumerate(mismatch) if other["method"] == row["method"])
         mismatch.insert(last + 1, row)
     return [
-        *write_table(folder, disturbed, "Pushing under displacements", f"{NOISE_NOTES}\n\n{methods}"),
-        *write_table(folder, mismatch, "Pushing on other plants", f"{MISMATCH_NOTES}\n\n{methods}", "mismatch"),
+        *write_table(
+            folder, disturbed, "Pushing under displacements", f"{NOISE_NOTES}\n\n{methods}"
+        ),
+        *write_table(
+            folder,
+            mismatch,
+            "Pushing on other plants",
+            f"{MISMATCH_NOTES}\n\n{methods}",
+            "mismatch",
+        ),
         *write_table(folder, usage, "How the arm is used", USAGE_NOTES, "usage"),
         *draw_methods(study, main, settings.noise, settings.mismatches),
     ]
@@ -135,20 +177,28 @@ class Budget:
 
     def case(self, label: str, env_kwargs: Mapping[str, Any], objective: str) -> Case:
         """A method under this budget."""
-        return Case(label, {**self.planner, "objective": objective}, {**self.env_kwargs, **env_kwargs}, self.env_id)
+        return Case(
+            label,
+            {**self.planner, "objective": objective},
+            {**self.env_kwargs, **env_kwargs},
+            self.env_id,
+        )
 
     def carry(self) -> Case:
         """The control that optimises nothing."""
         return Case(CARRY, {"name": CARRY}, {**self.env_kwargs, **CAGE}, self.env_id)
 
 
-def all_cases(budget: Budget, methods: Sequence[str], controls: Sequence[str]) -> tuple[list[Case], list[Case]]:
+def all_cases(
+    budget: Budget, methods: Sequence[str], controls: Sequence[str]
+) -> tuple[list[Case], list[Case]]:
     """Methods and controls.
 
     Args:
         budget: of all of them.
         methods: keys of METHODS.
-        controls: keys of CONTROLS, `rigid-carry`, or methods followed by ", " and one of the paper's presets.
+        controls: keys of CONTROLS, `rigid-carry`, or methods followed by ", " and one of the
+            paper's presets.
     """
     main = [budget.case(name, *METHODS[name]) for name in methods]
     others = []
@@ -165,7 +215,10 @@ def all_cases(budget: Budget, methods: Sequence[str], controls: Sequence[str]) -
 
 
 def disturbed_rows(
-    cases: Sequence[Case], plans: Sequence[Any], results: Sequence[Any], paper: Mapping[str, tuple[str, str]]
+    cases: Sequence[Case],
+    plans: Sequence[Any],
+    results: Sequence[Any],
+    paper: Mapping[str, tuple[str, str]],
 ) -> list[dict[str, Any]]:
     """Rows of the table of disturbed executions, the paper's values beside ours.
 
@@ -180,12 +233,17 @@ def disturbed_rows(
         home = home_columns(planned)
         d2g, rate = paper.get(case.label, (None, None))
         row = {"method": case.title, **success_columns(executed_), **distance_columns(executed_)}
-        row |= {"in the goal, nominal": home["in the goal"], "through itself": home["through itself"]}
+        row |= {
+            "in the goal, nominal": home["in the goal"],
+            "through itself": home["through itself"],
+        }
         rows.append({**row, **({"paper: d2g, m": d2g, "paper: success": rate} if paper else {})})
     return rows
 
 
-def mismatch_rows(cases: Sequence[Case], results: Results, protocols: Sequence[str]) -> list[dict[str, Any]]:
+def mismatch_rows(
+    cases: Sequence[Case], results: Results, protocols: Sequence[str]
+) -> list[dict[str, Any]]:
     """Rows of d2g and success under each protocol, from the task's start and from drawn starts.
 
     Args:
@@ -200,7 +258,9 @@ def mismatch_rows(cases: Sequence[Case], results: Results, protocols: Sequence[s
             n = executions(next(iter(by_protocol.values())))
             row: dict[str, Any] = {"method": case.title, "from": label, "n": n}
             for name, plans in by_protocol.items():
-                row[f"{name}: d2g, m"] = float(np.average(column(plans, "d2g_mean"), weights=column(plans, "n")))
+                row[f"{name}: d2g, m"] = float(
+                    np.average(column(plans, "d2g_mean"), weights=column(plans, "n"))
+                )
             for name, plans in by_protocol.items():
                 row[f"{name}: success"] = Rates(result["success_rate"] for result in plans)
             rows.append(row)
@@ -216,8 +276,12 @@ def printed_rows(printed: Printed, protocols: Sequence[str]) -> list[dict[str, A
     ]
 
 
-def usage_rows(study: StudyRun, cases: Sequence[Case], results: Sequence[Any]) -> list[dict[str, Any]]:
-    """How the arm is used without noise: contact, distance, and caging of what touches and of the whole arm."""
+def usage_rows(
+    study: StudyRun, cases: Sequence[Case], results: Sequence[Any]
+) -> list[dict[str, Any]]:
+    """How the arm is used without noise: contact, distance, and caging of what touches and of the
+    whole arm.
+    """
     rows = []
     for case, executed_ in zip(cases, results, strict=True):
         whole = [whole_arm_caging(study, case, seed) for seed in study.seeds]
@@ -241,14 +305,19 @@ def whole_arm_caging(study: StudyRun, case: Case, seed: int) -> float:
     executed_ = study.load_evaluation(case, seed, "nominal")
     plan = study.load_plan(case, seed)
     drawn = first_trajectories(study, [case])[0]
-    field = choose_field(case.env_kwargs.get("escape_field", "table"), get_robot(plan.robot).whole_name)
+    field = choose_field(
+        case.env_kwargs.get("escape_field", "table"), get_robot(plan.robot).whole_name
+    )
     points = get_object(drawn.object_name).key_points
     times = object_escape_time(field, points, executed_.pose[0], executed_.q_r[0])
     return CAGING_SCALE * float(times[1:].mean())
 
 
-def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches: Mapping[str, str]) -> list[Path]:
-    """Key frames, disturbed paths, still and moving, mismatched ones of the first plans; caging over time of all.
+def draw_methods(
+    study: StudyRun, cases: Sequence[Case], noise: str, mismatches: Mapping[str, str]
+) -> list[Path]:
+    """Key frames, disturbed paths, still and moving, mismatched ones of the first plans; caging
+    over time of all.
 
     Args:
         study: the run.
@@ -256,9 +325,13 @@ def draw_methods(study: StudyRun, cases: Sequence[Case], noise: str, mismatches:
         noise: protocol of the disturbed paths.
         mismatches: protocols of the mismatched paths and what the figure calls them.
     """
-    folder, nominal, noisy = study.out_dir, first_trajectories(study, cases), first_trajectories(study, cases, noise)
+    folder = study.out_dir
+    nominal = first_trajectories(study, cases)
+    noisy = first_trajectories(study, cases, noise)
     caging = {case.label: over_plans(study, case, "nominal", "caging") for case in cases}
-    runs = [[executed(study, case, name, label) for name, label in mismatches.items()] for case in cases]
+    runs = [
+        [executed(study, case, name, label) for name, label in mismatches.items()] for case in cases
+    ]
     return study.draw(
         partial(keyframes, nominal, folder / "keyframes.png"),
         partial(space_keyframes, nominal, folder / "space_keyframes.png"),

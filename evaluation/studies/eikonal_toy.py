@@ -1,8 +1,8 @@
 """The square annulus: what the escape time says of a point mass in a cage (paper, section 3.4).
 
-The mass moves at speed 1 outside the obstacle and at 0 (hard wall) or at `leak` (leaky wall) inside.
-The annulus stands beside the disc's centre and askew: around the centre every free point would have
-the straight way out, which the solver knows, and upright walls would lie along the grid.
+The mass moves at speed 1 outside the obstacle and at 0 (hard wall) or at `leak` (leaky wall)
+inside. The annulus stands beside the disc's centre and askew: around the centre every free point
+would have the straight way out, which the solver knows, and upright walls would lie along the grid.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ SEED = 0  # of the random points
 LONGER = 1e-9  # relative: a way longer than the straight one leads around a corner
 
 NOTES = """\
-Second-order marching; h is the cell size, m. T at the star, s, beside the exact value: infinite behind a
-hard wall, and behind a leaky one the time of the fastest refracted path through it. Enclosed: area of
-the grid's free nodes where T is infinite, m^2, beside the exact one, that of the cavity or 0. The other
-columns are of random points: "misjudged" counts those outside the wall that are taken for enclosed and
-are not, or the other way round, among n. Errors of T are those of the points around the annulus, against
-the exact shortest path around its corners, in % of it: largest where the straight way out is free, which
-the solver is told as a lower bound, and where the annulus hides it ("behind"). At 1 / leak times the
-free slowness a wall that is a fraction of a cell too thin on the grid costs T in the cavity dearly."""
+Second-order marching; h is the cell size, m. T at the star, s, beside the exact value: infinite
+behind a hard wall, and behind a leaky one the time of the fastest refracted path through it.
+Enclosed: area of the grid's free nodes where T is infinite, m^2, beside the exact one, that of the
+cavity or 0. The other columns are of random points: "misjudged" counts those outside the wall that
+are taken for enclosed and are not, or the other way round, among n. Errors of T are those of the
+points around the annulus, against the exact shortest path around its corners, in % of it: largest
+where the straight way out is free, which the solver is told as a lower bound, and where the annulus
+hides it ("behind"). At 1 / leak times the free slowness a wall that is a fraction of a cell too
+thin on the grid costs T in the cavity dearly."""
 POINT_NOTES = """\
-T of single points at the finest grid, s, and the exact shortest path to the circle at speed 1. A and C
-have to go around a corner of the annulus; B has the straight way out."""
+T of single points at the finest grid, s, and the exact shortest path to the circle at speed 1. A
+and C have to go around a corner of the annulus; B has the straight way out."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,11 @@ class Settings:
 
     annulus: Annulus = field(default_factory=Annulus)
     star: tuple[float, float] = (0.53, 0.15)
-    points: tuple[tuple[str, float, float], ...] = (("A", 0.12, 0.05), ("B", -0.5, 0.35), ("C", 0.1, 0.12))
+    points: tuple[tuple[str, float, float], ...] = (
+        ("A", 0.12, 0.05),
+        ("B", -0.5, 0.35),
+        ("C", 0.1, 0.12),
+    )
     leak: float = 0.05
     resolutions: tuple[int, ...] = (100, 200, 400, 800)
     samples: int = 100_000
@@ -76,15 +81,22 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    folder, walls = Path(out_dir), {"hard": 0.0, f"leaky, {settings.leak:g}": settings.leak}
-    scene = {"annulus": asdict(settings.annulus), "star": settings.star, "samples": settings.samples}
+    folder = Path(out_dir)
+    walls = {"hard": 0.0, f"leaky, {settings.leak:g}": settings.leak}
+    scene = {
+        "annulus": asdict(settings.annulus),
+        "star": settings.star,
+        "samples": settings.samples,
+    }
     scene["points"] = [point[1:] for point in settings.points]
     cases = [(wall, leak, nodes) for wall, leak in walls.items() for nodes in settings.resolutions]
     works = [
         Work({**scene, "leak": leak, "resolution": nodes}, SEED, f"{wall}, {nodes} nodes")
         for wall, leak, nodes in cases
     ]
-    records = run_recorded(DO, works, folder / "records.jsonl", jobs, Context(), "solving" if progress else "")
+    records = run_recorded(
+        DO, works, folder / "records.jsonl", jobs, Context(), "solving" if progress else ""
+    )
     results = [record["result"] for record in records]
     rows = [
         {"wall": wall, "nodes a side": nodes, **_columns(result)}
@@ -93,8 +105,13 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     hard, leaky = (results[k * len(settings.resolutions) - 1] for k in (1, 2))
     return [
         *write_table(folder, rows, "A point mass in a square annulus", NOTES),
-        *write_table(folder, _point_rows(settings, hard, leaky), "Single points", POINT_NOTES, name="points"),
-        escape_times([_panel(settings, wall, leak) for wall, leak in walls.items()], folder / "escape_time.png"),
+        *write_table(
+            folder, _point_rows(settings, hard, leaky), "Single points", POINT_NOTES, name="points"
+        ),
+        escape_times(
+            [_panel(settings, wall, leak) for wall, leak in walls.items()],
+            folder / "escape_time.png",
+        ),
     ]
 
 
@@ -111,8 +128,11 @@ def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
         misjudged; errors of those outside.
     """
     annulus = Annulus(**spec["annulus"])
-    solved = ObstacleField(annulus.walls, annulus.radius, even_speed(spec["leak"]), spec["resolution"])
-    star, points = np.array(spec["star"]), np.array(spec["points"])
+    solved = ObstacleField(
+        annulus.walls, annulus.radius, even_speed(spec["leak"]), spec["resolution"]
+    )
+    star = np.array(spec["star"])
+    points = np.array(spec["points"])
     drawn = solved.solve()
     enclosed = np.isinf(drawn.T) & (drawn.speed == 1.0)
     return {
@@ -130,10 +150,13 @@ def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
 def _sampled(annulus: Annulus, solved: ObstacleField, count: int, seed: int) -> dict[str, Any]:
     """How the field does at random points of the disc."""
     rng = np.random.default_rng(seed)
-    r, angle = annulus.radius * np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
+    r = annulus.radius * np.sqrt(rng.uniform(size=count))
+    angle = rng.uniform(0, 2 * np.pi, count)
     points = np.column_stack([r * np.cos(angle), r * np.sin(angle)])
-    caged, outside = annulus.depth(points, annulus.inner) > 0, annulus.depth(points, annulus.outer) < 0
-    T, exact = solved.query(points), annulus.exit_distance(points[outside])
+    caged = annulus.depth(points, annulus.inner) > 0
+    outside = annulus.depth(points, annulus.outer) < 0
+    T = solved.query(points)
+    exact = annulus.exit_distance(points[outside])
     wrong = np.isinf(T) != (caged & (solved.speed.leak == 0))
     error = np.abs(T[outside] - exact) / exact
     hidden = exact > (annulus.radius - r[outside]) * (1 + LONGER)
@@ -177,8 +200,12 @@ def _off(value: float, exact: float) -> str:
     return _percent(0.0 if value == exact else abs(value - exact) / exact)
 
 
-def _point_rows(settings: Settings, hard: dict[str, Any], leaky: dict[str, Any]) -> list[dict[str, Any]]:
-    columns = zip(settings.points, hard["points"], leaky["points"], hard["points_exact"], strict=True)
+def _point_rows(
+    settings: Settings, hard: dict[str, Any], leaky: dict[str, Any]
+) -> list[dict[str, Any]]:
+    columns = zip(
+        settings.points, hard["points"], leaky["points"], hard["points_exact"], strict=True
+    )
     return [
         {
             "point": name,
@@ -196,7 +223,9 @@ def _point_rows(settings: Settings, hard: dict[str, Any], leaky: dict[str, Any])
 
 def _panel(settings: Settings, wall: str, leak: float) -> ObstaclePanel:
     annulus = settings.annulus
-    solved = ObstacleField(annulus.walls, annulus.radius, even_speed(leak), settings.resolutions[-1])
+    solved = ObstacleField(
+        annulus.walls, annulus.radius, even_speed(leak), settings.resolutions[-1]
+    )
     name, x, y = settings.points[0]
     return ObstaclePanel(
         title=f"{wall.partition(',')[0]} wall",

@@ -1,7 +1,9 @@
-"""How good the escape fields are: exact grids, the trained network, and label-free attempts (paper, section 4.6).
+"""How good the escape fields are: exact grids, the trained network, and label-free attempts (paper,
+section 4.6).
 
-All are held against the second-order grid at 200 x 200 on held-out sets (`evaluation.field_sets`), and
-those that matter against one at 800 x 800 as well, which says how far that truth is to be trusted.
+All are held against the second-order grid at 200 x 200 on held-out sets (`evaluation.field_sets`),
+and those that matter against one at 800 x 800 as well, which says how far that truth is to be
+trusted.
 """
 
 from __future__ import annotations
@@ -24,23 +26,26 @@ from evaluation.tables import write_table
 from piec_envs import BatchedField
 
 NOTES = """\
-Relative errors of T in %, against the second-order grid at 200 x 200, median / mean / 95th percentile.
-H: 50 curled configurations x 400 points around the arm; hard: those of H where the arm costs more than
-5 %. U: 50 uniform configurations x 400 points anywhere. P: all states of five caging plans. Rank over
-points: Spearman, mean over the configurations of H; C rank: over 1500 curled configurations at one
-point; AUC: enclosed or not, on C. Cosine: median of dT/dq with the exact one on H, where it is felt.
-Cages: how many of the postures that CMA-ES (100 x 100) finds with the field for three discs within 0.4 m
-of the base are closed under the hard wall, n of them; true T: their mean T by the exact grid, s. Seconds:
-training, labels included. us: a point, one core, in batches of 5000 and of 50.
+Relative errors of T in %, against the second-order grid at 200 x 200, median / mean / 95th
+percentile. H: 50 curled configurations x 400 points around the arm; hard: those of H where the arm
+costs more than 5 %. U: 50 uniform configurations x 400 points anywhere. P: all states of five
+caging plans. Rank over points: Spearman, mean over the configurations of H; C rank: over 1500
+curled configurations at one point; AUC: enclosed or not, on C. Cosine: median of dT/dq with the
+exact one on H, where it is felt. Cages: how many of the postures that CMA-ES (100 x 100) finds with
+the field for three discs within 0.4 m of the base are closed under the hard wall, n of them; true
+T: their mean T by the exact grid, s. Seconds: training, labels included. us: a point, one core, in
+batches of 5000 and of 50.
 
-The last four rows had an eighth of the paper's 20,000 iterations: pinn-paper-short is its recipe stopped
-there, each of the others is that with one addition of the literature (docs/fields.md). None makes it learn:
-C rank below 0, AUC below 0.25, no cage. They were trained and timed beside other work on the same machine, so
-that their seconds and us, with the network of pinn-paper, say little."""
+The last four rows had an eighth of the paper's 20,000 iterations: pinn-paper-short is its recipe
+stopped there, each of the others is that with one addition of the literature (docs/fields.md). None
+makes it learn: C rank below 0, AUC below 0.25, no cage. They were trained and timed beside other
+work on the same machine, so that their seconds and us, with the network of pinn-paper, say
+little."""
 FINE_NOTES = """\
-Relative errors of T in %, median / mean, against the second-order grid at 800 x 800: the grid that the
-other table takes for the truth, at 200 x 200, stands among the rows. P and C are thinned; n counts points.
-Enclosed: points without a way out under the hard wall, whose T is the time through the leaky one."""
+Relative errors of T in %, median / mean, against the second-order grid at 800 x 800: the grid that
+the other table takes for the truth, at 200 x 200, stands among the rows. P and C are thinned; n
+counts points. Enclosed: points without a way out under the hard wall, whose T is the time through
+the leaky one."""
 
 
 DRAWN = ("network", "pinn", "pinn-paper")  # of the learned fields
@@ -53,8 +58,10 @@ class Settings:
     Args:
         robot: row of the table of robots.
         grids: (nodes a side, method) of the grids.
-        recipes: learned fields, by the recipe that trains them; those that do not ship are trained first.
-        further: more of them, left out of what records are found by, so that the others keep theirs.
+        recipes: learned fields, by the recipe that trains them; those that do not ship are trained
+            first.
+        further: more of them, left out of what records are found by, so that the others keep
+            theirs.
         seed: of the trainings.
         rows: configurations in H and U.
         points: for each.
@@ -87,7 +94,11 @@ class Settings:
     planner_seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
     fine: int = 800
     fine_points: int = 250
-    drawn: tuple[tuple[float, ...], ...] = ((0.4, 1.5, 1.4, 1.5), (0.2, -1.2, -1.7, -1.0), (0.9, 1.1, 1.9, 1.9))
+    drawn: tuple[tuple[float, ...], ...] = (
+        (0.4, 1.5, 1.4, 1.5),
+        (0.2, -1.2, -1.7, -1.0),
+        (0.9, 1.1, 1.9, 1.9),
+    )
 
     @classmethod
     def smoke(cls) -> Settings:
@@ -125,7 +136,12 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
 
 
 def judge_fields(
-    settings: Settings, cases: dict[str, dict[str, Any]], notes: str, folder: Path, jobs: Any, progress: bool
+    settings: Settings,
+    cases: dict[str, dict[str, Any]],
+    notes: str,
+    folder: Path,
+    jobs: Any,
+    progress: bool,
 ) -> list[Path]:
     """Score fields, write the tables and draw the figures.
 
@@ -142,16 +158,31 @@ def judge_fields(
     """
     common = json.loads(json.dumps(dataclasses.asdict(settings)))
     del common["further"]
-    works = [Work({"work": "score", "field": spec, **common}, settings.seed, label) for label, spec in cases.items()]
+    works = [
+        Work({"work": "score", "field": spec, **common}, settings.seed, label)
+        for label, spec in cases.items()
+    ]
     exact = {"kind": "grid", "nodes": 200, "method": "marching"}
-    compared = {"grid 200, marching": exact, **{k: spec for k, spec in cases.items() if spec["kind"] != "bound"}}
-    works += [Work({"work": "fine", "field": spec, **common}, settings.seed, label) for label, spec in compared.items()]
+    compared = {
+        "grid 200, marching": exact,
+        **{k: spec for k, spec in cases.items() if spec["kind"] != "bound"},
+    }
+    works += [
+        Work({"work": "fine", "field": spec, **common}, settings.seed, label)
+        for label, spec in compared.items()
+    ]
     context = Context(folder=str(folder), progress=progress)
-    records = run_recorded(do, works, folder / "records.jsonl", jobs, context, "judging fields" if progress else "")
+    records = run_recorded(
+        do, works, folder / "records.jsonl", jobs, context, "judging fields" if progress else ""
+    )
     results = [record["result"] for record in records]
-    rows = [{"field": label, **_columns(result)} for label, result in zip(cases, results[: len(cases)], strict=True)]
+    rows = [
+        {"field": label, **_columns(result)}
+        for label, result in zip(cases, results[: len(cases)], strict=True)
+    ]
     fine = [
-        {"field": label, **_fine_columns(result)} for label, result in zip(compared, results[len(cases) :], strict=True)
+        {"field": label, **_fine_columns(result)}
+        for label, result in zip(compared, results[len(cases) :], strict=True)
     ]
     return [
         *write_table(folder, rows, "Escape fields against the exact one", notes),
@@ -166,7 +197,9 @@ def make_cases(settings: Settings) -> dict[str, dict[str, Any]]:
         f"grid {nodes}, {method}": {"kind": "grid", "nodes": nodes, "method": method}
         for nodes, method in settings.grids
     }
-    learned = {name: learned_case(settings.robot, name) for name in settings.recipes + settings.further}
+    learned = {
+        name: learned_case(settings.robot, name) for name in settings.recipes + settings.further
+    }
     return {"T_0, no arm": {"kind": "bound"}, **grids, **learned}
 
 
@@ -205,19 +238,24 @@ def _fine_columns(result: dict[str, Any]) -> dict[str, Any]:
     return shown
 
 
-def _draw(settings: Settings, cases: dict[str, dict[str, Any]], folder: Path, context: Context) -> list[Path]:
+def _draw(
+    settings: Settings, cases: dict[str, dict[str, Any]], folder: Path, context: Context
+) -> list[Path]:
     """The fields side by side, and where those that are not solved are off, on curled postures."""
     spec = dataclasses.asdict(settings)
     tables = [label for label, case in cases.items() if case["kind"] == "table"][:1]
     shown = [*tables, *(recipe for recipe in DRAWN if recipe in cases)]
     learned: dict[str, BatchedField] = {
-        label.partition(" ")[0]: load_field(cases[label], spec, settings.seed, context) for label in shown
+        label.partition(" ")[0]: load_field(cases[label], spec, settings.seed, context)
+        for label in shown
     }
     exact = exact_field(settings.robot, context.threads)
     configurations = [np.array(q) for q in settings.drawn]
     points = [_inner_point(exact, q) for q in configurations]
     return [
-        field_comparison({"exact grid": exact, **learned}, configurations, points, folder / "fields.png"),
+        field_comparison(
+            {"exact grid": exact, **learned}, configurations, points, folder / "fields.png"
+        ),
         error_map(exact, learned, configurations, folder / "errors.png"),
     ]
 

@@ -56,7 +56,9 @@ CAGES = {  # static caging: environment and object, by robot
     "franka": ("piec_envs/FrankaCage-v0", "water_jug"),
 }
 CAGE_SEED = 30_100  # of the poses of these problems, and of their starts
-CLOSING_SEED, CLOSING_STATES = 30_200, 200  # of the poses that an arm closes on, and its states on the way
+# of the poses that an arm closes on, and its states on the way
+CLOSING_SEED = 30_200
+CLOSING_STATES = 200
 SET_KNOBS = ("robot", "rows", "points", "ranking", "planner", "planner_seeds")
 FINE_SETS = ("P", "C")
 
@@ -105,37 +107,47 @@ def held_out_sets(knobs: str, context: Context) -> dict[str, PointSet]:
         The sets by their letters.
     """
     given = json.loads(knobs)
-    robot_name, threads = given["robot"], context.threads
+    robot_name = given["robot"]
+    threads = context.threads
     return {
         "H": curled_set(robot_name, given["rows"], given["points"], threads),
         "U": uniform_set(robot_name, given["rows"], given["points"], threads),
         "C": ranking_set(robot_name, given["ranking"], threads),
-        "P": plan_set(robot_name, STATES[robot_name](given, context), get_object("circle").key_points, threads),
+        "P": plan_set(
+            robot_name, STATES[robot_name](given, context), get_object("circle").key_points, threads
+        ),
     }
 
 
 def _plan_states(given: dict[str, Any], context: Context) -> list[tuple[np.ndarray, np.ndarray]]:
     """Poses and joint positions along the nominal execution of each caging plan."""
-    cache = dataclasses.replace(context, folder=str(Path(context.folder).parent))  # plans that studies share
+    # plans that studies share
+    cache = dataclasses.replace(context, folder=str(Path(context.folder).parent))
     model = make_model(PUSH, escape_field=None)
     start = model.reset(0)
     states = []
     for seed in given["planner_seeds"]:
-        plan = get_plan(plan_spec(PUSH, {}, {"objective": "caging", **given["planner"]}), seed, cache)
+        plan = get_plan(
+            plan_spec(PUSH, {}, {"objective": "caging", **given["planner"]}), seed, cache
+        )
         motion = model.rollout(start, plan.path[None, 1:], absolute=True).motion
         states.append((motion.pose[0], motion.q_r[0]))
     return states
 
 
 def _closing_states(given: dict[str, Any], context: Context) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Poses and joint positions while the arm closes on an object, from straight to a posture that holds it."""
+    """Poses and joint positions while the arm closes on an object, from straight to a posture that
+    holds it.
+    """
     env, item = _cage_env(given["robot"])
     field = GridField(given["robot"], threads=context.threads)
     optimiser = CmaEsConfiguration(50, iterations=40, sigma=0.3, guesses=200, kind="curled")
     states = []
     for seed in given["planner_seeds"]:
         pose = env.reset(seed=CLOSING_SEED + seed)[1]["pose"]
-        found = optimiser.solve(CagingProblem(given["robot"], item, pose, field, threads=context.threads), seed)
+        found = optimiser.solve(
+            CagingProblem(given["robot"], item, pose, field, threads=context.threads), seed
+        )
         path = np.linspace(get_robot(given["robot"]).home, found.posture, CLOSING_STATES)
         states.append((np.repeat(pose[None], CLOSING_STATES, axis=0), path))
     return states
@@ -147,7 +159,9 @@ STATES = {"planar_arm": _plan_states, "franka": _closing_states}  # of set P, by
 def _cage_env(robot_name: str) -> tuple[Any, str]:
     """The robot's environment of static caging and its object."""
     env_id, item = CAGES[robot_name]
-    return gym.make(env_id, object=item, escape_field="grid", disable_env_checker=True).unwrapped, item
+    return gym.make(
+        env_id, object=item, escape_field="grid", disable_env_checker=True
+    ).unwrapped, item
 
 
 def learned_case(robot_name: str, recipe: str) -> dict[str, Any]:
@@ -166,7 +180,9 @@ def learned_case(robot_name: str, recipe: str) -> dict[str, Any]:
     return case
 
 
-def load_field(case: dict[str, Any], spec: dict[str, Any], seed: int, context: Context) -> BatchedField:
+def load_field(
+    case: dict[str, Any], spec: dict[str, Any], seed: int, context: Context
+) -> BatchedField:
     """The field of a case, trained first if its weights neither ship nor lie in the study's folder.
 
     Args:
@@ -192,7 +208,9 @@ def load_field(case: dict[str, Any], spec: dict[str, Any], seed: int, context: C
     except WeightsError:
         weights = None
     if weights is None or weights.recipe != get_recipe(recipe).described():
-        weights = train_field(recipe, robot_name, seed, file, threads=context.threads, progress=context.progress)
+        weights = train_field(
+            recipe, robot_name, seed, file, threads=context.threads, progress=context.progress
+        )
     return NetworkField(robot_name, weights, context.threads)
 
 
@@ -239,11 +257,16 @@ def _cages(chosen: BatchedField, exact: BatchedField, spec: dict[str, Any]) -> d
     """Postures that CMA-ES finds with the field, judged by the exact one."""
     hard = GridField(spec["robot"], RESOLUTION, "marching", SpeedModel(leak=0.0))
     env, item = _cage_env(spec["robot"])
-    times, closed = [], 0
+    times = []
+    closed = 0
     for start in range(spec["starts"]):
         pose = env.reset(seed=CAGE_SEED + start)[1]["pose"]
         problem = CagingProblem(spec["robot"], item, pose, chosen)
-        posture = CmaEsConfiguration(**spec["optimiser"]).solve(problem, seed=CAGE_SEED + start).posture[None]
+        posture = (
+            CmaEsConfiguration(**spec["optimiser"])
+            .solve(problem, seed=CAGE_SEED + start)
+            .posture[None]
+        )
         judge = dataclasses.replace(problem, field=exact)
         times.append(float(judge.measure(posture).escape_time[0]))
         inside = hard.query(problem.key_points[None], posture)

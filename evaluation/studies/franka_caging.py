@@ -1,8 +1,9 @@
-"""How well a Franka Panda encloses everyday objects with its whole arm (paper, section 7.1, Table 1).
+"""How well a Franka Panda encloses everyday objects with its whole arm (paper, section 7.1, Table
+1).
 
-Three objects lie at the paper's place in front of a fixed base. CMA-ES begins at random postures, and an
-exhaustive search says what the best posture is. What they find is judged by fast marching on a fine grid,
-whatever field they optimised.
+Three objects lie at the paper's place in front of a fixed base. CMA-ES begins at random postures,
+and an exhaustive search says what the best posture is. What they find is judged by fast marching on
+a fine grid, whatever field they optimised.
 """
 
 from __future__ import annotations
@@ -41,28 +42,33 @@ METHODS = {
 }
 SMOKE_METHODS = {"network": (Method("CMA-ES", "cma-es", {"population": 10, "iterations": 3}),)}
 SMOKE_EXHAUSTIVE = Method(
-    "exhaustive", "exhaustive", {"spacing": 0.8, "headings": 12, "polished": 1, "population": 4, "iterations": 2}
+    "exhaustive",
+    "exhaustive",
+    {"spacing": 0.8, "headings": 12, "polished": 1, "population": 4, "iterations": 2},
 )
 NOTES = """\
-Caging, 0.02 T, at the key points of each object, mean (T_hat) and least; T / T_0 divides T_hat by that of an
-object without a robot. Best posture of n searches of CMA-ES, from all starts and on all fields, and that of the
-exhaustive search, both judged by fast marching on a fine grid (`judge`); T - T_0 in seconds. The paper does not give
-the radius of its workspace, and caging grows by 0.02 / u_bar = 0.4 with every metre of it (table `radius`), so that
-its values (last columns) cannot be compared with ours; T - T_0 alone does not depend on it. Nor is the order the same:
-the paper's box is caged better than its pack, ours less. "Radius": at which the posture of CMA-ES would have the
+Caging, 0.02 T, at the key points of each object, mean (T_hat) and least; T / T_0 divides T_hat by
+that of an object without a robot. Best posture of n searches of CMA-ES, from all starts and on all
+fields, and that of the exhaustive search, both judged by fast marching on a fine grid (`judge`); T
+- T_0 in seconds. The paper does not give the radius of its workspace, and caging grows by 0.02 /
+u_bar = 0.4 with every metre of it (table `radius`), so that its values (last columns) cannot be
+compared with ours; T - T_0 alone does not depend on it. Nor is the order the same: the paper's box
+is caged better than its pack, ours less. "Radius": at which the posture of CMA-ES would have the
 paper's mean."""
 POINT_NOTES = """\
-Every key point of the same postures, judged in the same way: T in seconds, less T_0, the time without a robot, and over
-it. Enclosed: under the hard wall (leak = 0) nothing leads out. "Share" is T over that of the exhaustive
-search's posture at the same key point."""
+Every key point of the same postures, judged in the same way: T in seconds, less T_0, the time
+without a robot, and over it. Enclosed: under the hard wall (leak = 0) nothing leads out. "Share" is
+T over that of the exhaustive search's posture at the same key point."""
 SEARCH_NOTES = f"""\
-n counts distinct executions, one for each random start; all rows of an object have the same starts. Caging,
-0.02 T_hat: "found" under the optimised field, "judged" by fast marching on a fine grid, best and median over starts,
-of postures that overlap by at most 1e-6 m ("feasible"). "Reached" counts feasible postures judged at least
-{100 * CLOSE:g} % of that of the exhaustive search. Overlap: the largest of a feasible posture, of the planar shapes of
-links with each other or with the object; links next to each other at a joint are not compared. Limits are kept by
-construction. Queries: postures at which the field was asked, mean over starts; the exhaustive search asks once for
-all headings of an inner posture. Seconds: median, one machine, not to be compared with others."""
+n counts distinct executions, one for each random start; all rows of an object have the same starts.
+Caging, 0.02 T_hat: "found" under the optimised field, "judged" by fast marching on a fine grid,
+best and median over starts, of postures that overlap by at most 1e-6 m ("feasible"). "Reached"
+counts feasible postures judged at least {100 * CLOSE:g} % of that of the exhaustive search.
+Overlap: the largest of a feasible posture, of the planar shapes of links with each other or with
+the object; links next to each other at a joint are not compared. Limits are kept by construction.
+Queries: postures at which the field was asked, mean over starts; the exhaustive search asks once
+for all headings of an inner posture. Seconds: median, one machine, not to be compared with
+others."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +111,12 @@ class Settings:
     @property
     def cases(self) -> list[tuple[str, str, Method]]:
         """Object, field and method of every search but the exhaustive one."""
-        return [(item, name, method) for item in self.objects for name in self.methods for method in self.methods[name]]
+        return [
+            (item, name, method)
+            for item in self.objects
+            for name in self.methods
+            for method in self.methods[name]
+        ]
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -120,28 +131,48 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    folder, starts = Path(out_dir), settings.starts
-    works = [make_work(settings, *case, start) for case in settings.cases for start in range(starts)]
-    works += [make_work(settings, item, settings.exhaustive_field, settings.exhaustive, 0) for item in settings.objects]
+    folder = Path(out_dir)
+    starts = settings.starts
+    works = [
+        make_work(settings, *case, start) for case in settings.cases for start in range(starts)
+    ]
+    works += [
+        make_work(settings, item, settings.exhaustive_field, settings.exhaustive, 0)
+        for item in settings.objects
+    ]
     context = Context(folder=str(folder), progress=progress)
-    records = run_recorded(search_once, works, folder / "records.jsonl", jobs, context, "searching" if progress else "")
-    by_case = {case: records[i * starts : (i + 1) * starts] for i, case in enumerate(settings.cases)}
+    records = run_recorded(
+        search_once, works, folder / "records.jsonl", jobs, context, "searching" if progress else ""
+    )
+    by_case = {
+        case: records[i * starts : (i + 1) * starts] for i, case in enumerate(settings.cases)
+    }
     yardstick = dict(zip(settings.objects, records[len(by_case) * starts :], strict=True))
     by_object = {
-        item: [r for case, found in by_case.items() if case[0] == item for r in found] for item in settings.objects
+        item: [r for case, found in by_case.items() if case[0] == item for r in found]
+        for item in settings.objects
     }
     best = {item: winner(found) for item, found in by_object.items()}
     counts = {item: len(found) for item, found in by_object.items()}
     return [
-        *write_table(folder, object_rows(best, yardstick, counts), "Everyday objects in the arm of a Franka", NOTES),
-        *write_table(folder, point_rows(best, yardstick), "The same by key point", POINT_NOTES, "key-points"),
+        *write_table(
+            folder,
+            object_rows(best, yardstick, counts),
+            "Everyday objects in the arm of a Franka",
+            NOTES,
+        ),
+        *write_table(
+            folder, point_rows(best, yardstick), "The same by key point", POINT_NOTES, "key-points"
+        ),
         *write_table(folder, search_rows(by_case, yardstick), "Searches", SEARCH_NOTES, "searches"),
         *write_radii(settings.radii, settings.judge, best, folder, jobs),
         *_draw(settings, by_case, best, yardstick, folder),
     ]
 
 
-def make_work(settings: Settings, object_name: str, field_name: str, method: Method, start: int) -> Work:
+def make_work(
+    settings: Settings, object_name: str, field_name: str, method: Method, start: int
+) -> Work:
     """One search from one start."""
     spec = {
         "work": "posture",
@@ -177,7 +208,8 @@ def object_rows(
     """
     rows = []
     for name, record in best.items():
-        T, T_0 = np.array(record["result"]["key_points"]["T"]), least_times(record)
+        T = np.array(record["result"]["key_points"]["T"])
+        T_0 = least_times(record)
         top = np.array(yardstick[name]["result"]["key_points"]["T"])
         mean, least = PAPER.get(name, (None, None))
         rows.append(
@@ -207,7 +239,8 @@ def point_rows(best: Mapping[str, Any], yardstick: Mapping[str, Any]) -> list[di
     """One row for each key point."""
     rows = []
     for name, record in best.items():
-        T_0, points = least_times(record), get_object(name).key_points
+        T_0 = least_times(record)
+        points = get_object(name).key_points
         found, top = (r["result"]["key_points"] for r in (record, yardstick[name]))
         for k, point in enumerate(points):
             rows.append(
@@ -227,28 +260,50 @@ def point_rows(best: Mapping[str, Any], yardstick: Mapping[str, Any]) -> list[di
     return rows
 
 
-def search_rows(by_case: Mapping[Any, Records], yardstick: Mapping[str, Any]) -> list[dict[str, Any]]:
+def search_rows(
+    by_case: Mapping[Any, Records], yardstick: Mapping[str, Any]
+) -> list[dict[str, Any]]:
     """One row for each object, field and search."""
     rows = []
     for (name, optimised, method), records in by_case.items():
-        rows.append({"object": name, "field": optimised, "search": method.label, **_counts(records, yardstick[name])})
+        rows.append(
+            {
+                "object": name,
+                "field": optimised,
+                "search": method.label,
+                **_counts(records, yardstick[name]),
+            }
+        )
     for name, record in yardstick.items():
-        field_name, search = record["spec"]["field"]["name"], record["spec"]["optimiser"]["name"]
-        rows.append({"object": name, "field": field_name, "search": search, **_counts([record], record)})
+        field_name = record["spec"]["field"]["name"]
+        search = record["spec"]["optimiser"]["name"]
+        rows.append(
+            {"object": name, "field": field_name, "search": search, **_counts([record], record)}
+        )
     return rows
 
 
 def _counts(records: Records, top: Mapping[str, Any]) -> dict[str, Any]:
-    n, good = len(records), feasible_results(records)
+    n = len(records)
+    good = feasible_results(records)
     reached = sum(result["judged"] >= CLOSE * top["result"]["judged"] for result in good)
-    return {"n": n, "feasible": f"{len(good)} of {n}", "reached": f"{reached} of {n}", **search_columns(records)}
+    return {
+        "n": n,
+        "feasible": f"{len(good)} of {n}",
+        "reached": f"{reached} of {n}",
+        **search_columns(records),
+    }
 
 
 # --- figures -----------------------------------------------------------------------------------
 
 
-def _draw(settings: Settings, by_case: Mapping[Any, Records], best, yardstick, folder: Path) -> list[Path]:
-    """The best postures in space and in their field, the exhaustive search's beside them, and all values."""
+def _draw(
+    settings: Settings, by_case: Mapping[Any, Records], best, yardstick, folder: Path
+) -> list[Path]:
+    """The best postures in space and in their field, the exhaustive search's beside them, and all
+    values.
+    """
     ours = [_panel(best[name], name.replace("_", " ")) for name in settings.objects]
     searches = [(name, method) for name, methods in settings.methods.items() for method in methods]
     rivals = (("CMA-ES", best), ("exhaustive", yardstick))
@@ -262,7 +317,9 @@ def _draw(settings: Settings, by_case: Mapping[Any, Records], best, yardstick, f
         partial(
             value_dots,
             {
-                f"{method.label}, {field}": [judged_values(by_case[name, field, method]) for name in settings.objects]
+                f"{method.label}, {field}": [
+                    judged_values(by_case[name, field, method]) for name in settings.objects
+                ]
                 for field, method in searches
             }
             | {"exhaustive": [judged_values([yardstick[name]]) for name in settings.objects]},
@@ -274,6 +331,8 @@ def _draw(settings: Settings, by_case: Mapping[Any, Records], best, yardstick, f
 
 
 def _panel(record: Mapping[str, Any], label: str) -> PosturePanel:
-    result, spec = record["result"], record["spec"]
-    pose, q = np.array(spec["pose"]), np.array(result["posture"])
+    result = record["result"]
+    spec = record["spec"]
+    pose = np.array(spec["pose"])
+    q = np.array(result["posture"])
     return PosturePanel(spec["robot"], spec["object"], pose, q, label, result["enclosed"])

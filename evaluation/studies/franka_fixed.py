@@ -1,7 +1,8 @@
-"""Pushing a pack of paper rolls with a Franka on a fixed base (the task of the paper's section 7.3).
+"""Pushing a pack of paper rolls with a Franka on a fixed base (the task of the paper's section
+7.3).
 
-There is no base to carry a cage, so that all depends on planning. Methods, controls and tables are those of
-`franka-push`; the plants are those that a pack can be mistaken for.
+There is no base to carry a cage, so that all depends on planning. Methods, controls and tables are
+those of `franka-push`; the plants are those that a pack can be mistaken for.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ MISMATCHES = {
     "shape-a4_box": "box",
     "dynamics-mujoco": "MuJoCo",
 }
-# Planned under noise from the first guess on: what is found on the nominal model first lets go of the object half-way.
+# Planned under noise from the first guess on: what is found on the nominal model first lets go of
+# the object half-way.
 PLANNER: Mapping[str, Any] = {
     "arrive": 0.4,
     "restarts": 1,
@@ -84,5 +86,7 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts)
+    study = StudyRun(
+        Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts
+    )
     return compare_methods(settings, ENV, study, Printed())

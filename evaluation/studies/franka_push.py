@@ -1,7 +1,8 @@
 """Pushing with a mobile Franka and four contact geometries (paper, section 7.2.1, Tables 2 and 3).
 
-Plans of four methods and of controls are executed open loop without noise, with the object displaced in every
-step, and on plants with other friction, the box for which the circle stands, and MuJoCo with the real meshes.
+Plans of four methods and of controls are executed open loop without noise, with the object
+displaced in every step, and on plants with other friction, the box for which the circle stands, and
+MuJoCo with the real meshes.
 """
 
 from __future__ import annotations
@@ -41,7 +42,10 @@ TABLE_3 = {  # d2g, nominal and in the order of MISMATCHES
     "WAContact": (0.000, 0.001, 0.058, 0.008, 0.132),
     "WACaging": (0.000, 0.000, 0.001, 0.002, 0.002),
 }
-PAPER = Printed(NOISE, {name: dict(zip(("nominal", *MISMATCHES), row, strict=True)) for name, row in TABLE_3.items()})
+PAPER = Printed(
+    NOISE,
+    {name: dict(zip(("nominal", *MISMATCHES), row, strict=True)) for name, row in TABLE_3.items()},
+)
 PLANNER = {"sigma": 0.05, "restarts": 2, "survivors": 1, "robust_samples": 4}
 
 
@@ -84,6 +88,8 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts)
+    study = StudyRun(
+        Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts
+    )
     shown = {name: values for name, values in PAPER.mismatch.items() if name in settings.methods}
     return compare_methods(settings, ENV, study, Printed(PAPER.noise, shown))

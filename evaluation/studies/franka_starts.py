@@ -1,10 +1,11 @@
 """Where the moving Franka begins: static problems with the base free or fixed (paper, section 7.2).
 
-For each base, geometry and choice of parts that can touch the object, the best posture by exhaustive search:
-"cage" maximises T_hat of those parts. For the whole arm, "open" maximises it with elbow and wrist at right
-angles, so that the arm touches the object and does not close around it. No part of the arm may overlap the
-object, whether it can touch it or not. A base that slides leaves the heading free: it is chosen so that the
-base stands opposite to the goal. The package ships what the study finds as its table of start postures.
+For each base, geometry and choice of parts that can touch the object, the best posture by
+exhaustive search: "cage" maximises T_hat of those parts. For the whole arm, "open" maximises it
+with elbow and wrist at right angles, so that the arm touches the object and does not close around
+it. No part of the arm may overlap the object, whether it can touch it or not. A base that slides
+leaves the heading free: it is chosen so that the base stands opposite to the goal. The package
+ships what the study finds as its table of start postures.
 """
 
 from __future__ import annotations
@@ -44,9 +45,10 @@ RIGHT_ANGLES = (-np.pi / 2, np.pi / 2)  # q4, q6 of "open"
 CLEARANCE = 1e-3  # m, between arm and object
 DECIMALS = 6  # of the postures that ship
 NOTES = """\
-n counts distinct executions: the search is exhaustive and draws nothing but in its polish. Caging, 0.02 T_hat, of the
-parts that can touch the object, under the table field that is optimised; "free" is that of the same place without an
-arm. Distance: the nearest part of the whole arm to the object. Base (m) and joints (rad) as they ship."""
+n counts distinct executions: the search is exhaustive and draws nothing but in its polish. Caging,
+0.02 T_hat, of the parts that can touch the object, under the table field that is optimised; "free"
+is that of the same place without an arm. Distance: the nearest part of the whole arm to the object.
+Base (m) and joints (rad) as they ship."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,9 @@ class Settings:
         """Tiny budgets, to see that everything runs."""
         tiny = {"spacing": 0.8, "polished": 1, "population": 4, "iterations": 2}
         search = {"mobile": {"headings": 1, "offset": 0.1, **tiny}}
-        return cls(("mobile",), ("whole_arm",), ("capsules",), search, {"resolution": 49, "spacing": 0.3})
+        return cls(
+            ("mobile",), ("whole_arm",), ("capsules",), search, {"resolution": 49, "spacing": 0.3}
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -94,15 +98,23 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     """
     folder = Path(out_dir)
     words = list(itertools.product(settings.bases, settings.geometries, settings.contacts))
-    works = [make_work(settings, *row, kind) for row in words for kind in KINDS.get(row[2], ("cage",))]
+    works = [
+        make_work(settings, *row, kind) for row in words for kind in KINDS.get(row[2], ("cage",))
+    ]
     context = Context(folder=str(folder), progress=progress)
-    records = run_recorded(solve_once, works, folder / "records.jsonl", jobs, context, "solving" if progress else "")
+    records = run_recorded(
+        solve_once, works, folder / "records.jsonl", jobs, context, "solving" if progress else ""
+    )
     starts: dict[str, dict[str, list[float]]] = {}
     for record in records:
-        starts.setdefault(record["spec"]["robot"], {})[record["spec"]["kind"]] = record["result"]["posture"]
+        starts.setdefault(record["spec"]["robot"], {})[record["spec"]["kind"]] = record["result"][
+            "posture"
+        ]
     return [
         write_atomic(folder / "starts.json", json.dumps(starts, indent=1) + "\n"),
-        *write_table(folder, [_row(record) for record in records], "Where the moving Franka begins", NOTES),
+        *write_table(
+            folder, [_row(record) for record in records], "Where the moving Franka begins", NOTES
+        ),
         *_draw(records, folder),
     ]
 
@@ -118,7 +130,8 @@ def make_work(settings: Settings, base: str, geometry: str, contact: str, kind: 
     Returns:
         The piece of work.
     """
-    task, robot = TASKS[base], franka_name(base, contact, geometry)
+    task = TASKS[base]
+    robot = franka_name(base, contact, geometry)
     spec = {
         "work": "start",
         "robot": robot,
@@ -146,16 +159,24 @@ def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, A
     robot = get_robot(spec["robot"])
     escape = make_field("table", robot.name, **spec["table"])
     problem = CagingProblem(
-        robot.whole_name, spec["object"], spec["pose"], escape, clearance=CLEARANCE, threads=context.threads
+        robot.whole_name,
+        spec["object"],
+        spec["pose"],
+        escape,
+        clearance=CLEARANCE,
+        threads=context.threads,
     )
     search = ExhaustiveConfiguration(**spec["search"])
-    found = search.solve(problem, seed).posture if spec["kind"] == "cage" else _open(problem, search)
+    found = (
+        search.solve(problem, seed).posture if spec["kind"] == "cage" else _open(problem, search)
+    )
     if robot.base_dof:
         found = turned(found, problem.pose[:2], np.array(spec["goal"]))
     posture = np.round(found, DECIMALS)
     judged = problem.measure(posture[None])
     base = posture[: robot.base_dof] if robot.base_dof else np.zeros(2)
-    free = (robot.workspace_radius - np.hypot(*(problem.key_points - base).T)) / escape.u_bar  # (k,)
+    # (k,)
+    free = (robot.workspace_radius - np.hypot(*(problem.key_points - base).T)) / escape.u_bar
     return {
         "posture": posture.tolist(),
         "caging": CAGING_SCALE * float(judged.escape_time[0]),
@@ -186,13 +207,15 @@ def turned(q: np.ndarray, place: np.ndarray, goal: np.ndarray) -> np.ndarray:
     behind = place - q[:2]
     angle = np.arctan2(*(goal - place)[::-1]) - np.arctan2(*behind[::-1])
     heading = (q[2] + angle + np.pi) % (2 * np.pi) - np.pi
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     base = place - np.array([c * behind[0] - s * behind[1], s * behind[0] + c * behind[1]])
     return np.concatenate([base, [heading], q[3:]])
 
 
 def _row(record: Mapping[str, Any]) -> dict[str, Any]:
-    spec, result = record["spec"], record["result"]
+    spec = record["spec"]
+    result = record["result"]
     return {
         "robot": spec["robot"],
         "object": spec["object"],
@@ -219,5 +242,8 @@ def _draw(records: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
 
 def _panel(record: Mapping[str, Any]) -> PosturePanel:
     spec = record["spec"]
-    pose, q = np.array(spec["pose"]), np.array(record["result"]["posture"])
-    return PosturePanel(spec["robot"], spec["object"], pose, q, f"{spec['robot']}, {spec['kind']}".replace("_", " "))
+    pose = np.array(spec["pose"])
+    q = np.array(record["result"]["posture"])
+    return PosturePanel(
+        spec["robot"], spec["object"], pose, q, f"{spec['robot']}, {spec['kind']}".replace("_", " ")
+    )

@@ -1,9 +1,10 @@
-"""Moving an object along an arc with a mobile Franka: tracking against caging (paper, section 7.2.2).
+"""Moving an object along an arc with a mobile Franka: tracking against caging (paper, section
+7.2.2).
 
-The weight of the tracking error over that of the caging, lambda, is varied on two arcs between the same ends, from
-the task's start, a cage that the base can carry along, and from an open posture that has to be closed on the way.
-The plans of the largest lambda on the first arc, from both postures, are executed under displacements and on other
-plants as well.
+The weight of the tracking error over that of the caging, lambda, is varied on two arcs between the
+same ends, from the task's start, a cage that the base can carry along, and from an open posture
+that has to be closed on the way. The plans of the largest lambda on the first arc, from both
+postures, are executed under displacements and on other plants as well.
 """
 
 from __future__ import annotations
@@ -18,7 +19,14 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from evaluation.figures import Tracked, keyframes, mismatch_paths, reference_paths, tradeoff, trajectories
+from evaluation.figures import (
+    Tracked,
+    keyframes,
+    mismatch_paths,
+    reference_paths,
+    tradeoff,
+    trajectories,
+)
 from evaluation.metrics import coverage
 from evaluation.studies.common import (
     DRAWN_STARTS,
@@ -40,26 +48,31 @@ from evaluation.tables import write_table
 from piec_envs import PAPER_REFERENCE_POINTS, TRACKING_TOLERANCE, CostWeights
 
 ENV = "piec_envs/MobileFrankaTrack-v0"
-POSTURES: Mapping[str, Mapping[str, Any]] = {"cage": {}, "open": OPEN}  # at the start; the first is the task's own
+# at the start; the first is the task's own
+POSTURES: Mapping[str, Mapping[str, Any]] = {"cage": {}, "open": OPEN}
 NOTES = """\
-n counts distinct executions, one of each plan, without noise; mean ± standard deviation over plans, mean over time.
-Error: distance to the reference point of that time; shortest distance: to the nearest of 50 points of the reference,
-the paper's term; coverage: share of the reference's points that the object comes within 0.03 m of. d2g: distance to
-the goal region at the end, largest of all plans. Success: d2g = 0 and a mean error of at most 0.03 m. Start: `cage`,
-the task's own, need only be carried along, and is by the planner's first guess at every lambda; `open` is elbow and
-wrist at right angles, and closing it moves the object."""
+n counts distinct executions, one of each plan, without noise; mean ± standard deviation over plans,
+mean over time. Error: distance to the reference point of that time; shortest distance: to the
+nearest of 50 points of the reference, the paper's term; coverage: share of the reference's points
+that the object comes within 0.03 m of. d2g: distance to the goal region at the end, largest of all
+plans. Success: d2g = 0 and a mean error of at most 0.03 m. Start: `cage`, the task's own, need only
+be carried along, and is by the planner's first guess at every lambda; `open` is elbow and wrist at
+right angles, and closing it moves the object."""
 RANK_NOTES = """\
-Spearman's rank correlation of lambda with the mean tracking error and with the mean caging: of the means over plans
-at each lambda, and of the plans of each planner seed. n counts distinct executions."""
+Spearman's rank correlation of lambda with the mean tracking error and with the mean caging: of the
+means over plans at each lambda, and of the plans of each planner seed. n counts distinct
+executions."""
 ROBUST_NOTES = """\
-The plans of the largest lambda on the first arc under displacements of sigma = 5 mm for each axis in each step, from
-the task's own start, a cage, and from the open one, from which alone lambda trades caging for tracking. n counts
-distinct executions: plans x rollouts. Success asks for d2g = 0 and a mean tracking error of at most 0.03 m."""
+The plans of the largest lambda on the first arc under displacements of sigma = 5 mm for each axis
+in each step, from the task's own start, a cage, and from the open one, from which alone lambda
+trades caging for tracking. n counts distinct executions: plans x rollouts. Success asks for d2g = 0
+and a mean tracking error of at most 0.03 m."""
 PLANT_NOTES = """\
-The same plans on other plants, from the object's own place and (`-start`) from places drawn within 0.01 m and 0.05
-rad of it; start: the arm's posture. Success asks for d2g = 0 and a mean tracking error of at most 0.03 m.
-n counts distinct executions: plans x executions. Deviation: largest distance from the unperturbed execution at the
-same time, and that at the end; intervals (95 %) by a bootstrap over plans, of single executions by Wilson."""
+The same plans on other plants, from the object's own place and (`-start`) from places drawn within
+0.01 m and 0.05 rad of it; start: the arm's posture. Success asks for d2g = 0 and a mean tracking
+error of at most 0.03 m. n counts distinct executions: plans x executions. Deviation: largest
+distance from the unperturbed execution at the same time, and that at the end; intervals (95 %) by a
+bootstrap over plans, of single executions by Wilson."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +130,9 @@ class Settings:
         """
         weights = {"task": ratio * CostWeights().prior}
         env_kwargs = {**self.env_kwargs, **POSTURES[posture], "reference": side, "weights": weights}
-        return Case(f"{side}, lambda {ratio:g}", {**self.planner, "objective": "caging"}, env_kwargs, ENV)
+        return Case(
+            f"{side}, lambda {ratio:g}", {**self.planner, "objective": "caging"}, env_kwargs, ENV
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -132,23 +147,40 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts)
+    study = StudyRun(
+        Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts
+    )
     lines = list(product(settings.postures, settings.sides))
-    cases = {(*line, ratio): settings.case(*line, ratio) for line in lines for ratio in settings.ratios}
+    cases = {
+        (*line, ratio): settings.case(*line, ratio) for line in lines for ratio in settings.ratios
+    }
     study.plan(list(cases.values()))
     results = dict(zip(cases, study.evaluate(list(cases.values()), "nominal"), strict=True))
     rows = [_row(study, *key, case, results[key]) for key, case in cases.items()]
     ranks = [_rank_row(*line, settings.ratios, results) for line in lines]
     folder = study.out_dir
-    tight = {posture: cases[posture, settings.sides[0], max(settings.ratios)] for posture in settings.postures}
+    tight = {
+        posture: cases[posture, settings.sides[0], max(settings.ratios)]
+        for posture in settings.postures
+    }
     robust, plants = _robustness(study, settings, tight)
     return [
         *write_table(folder, rows, "Tracking against caging", NOTES),
-        *write_table(folder, ranks, "How tracking error and caging go with lambda", RANK_NOTES, "ranks"),
+        *write_table(
+            folder, ranks, "How tracking error and caging go with lambda", RANK_NOTES, "ranks"
+        ),
         *write_table(folder, robust, "Tracking under displacements", ROBUST_NOTES, "disturbed"),
         *write_table(folder, plants, "Tracking on other plants", PLANT_NOTES, "mismatch"),
-        *(path for posture in settings.postures for path in _draw_best(study, settings, posture, cases)),
-        *(path for posture in settings.postures for path in _draw_lambdas(study, settings, posture, cases, results)),
+        *(
+            path
+            for posture in settings.postures
+            for path in _draw_best(study, settings, posture, cases)
+        ),
+        *(
+            path
+            for posture in settings.postures
+            for path in _draw_lambdas(study, settings, posture, cases, results)
+        ),
     ]
 
 
@@ -164,8 +196,17 @@ def _robustness(
     """
     compared = list(cases.values())
     noise = []
-    for (posture, case), found in zip(cases.items(), study.evaluate(compared, settings.noise), strict=True):
-        noise.append({"start": posture, "plans": case.label, **success_columns(found), **distance_columns(found)})
+    for (posture, case), found in zip(
+        cases.items(), study.evaluate(compared, settings.noise), strict=True
+    ):
+        noise.append(
+            {
+                "start": posture,
+                "plans": case.label,
+                **success_columns(found),
+                **distance_columns(found),
+            }
+        )
         error = np.average(column(found, "tracking_error"), weights=column(found, "n"))
         noise[-1]["error, mm"] = 1e3 * float(error)
     plants = plant_rows(compared, evaluate_all(study, compared, ("nominal", *settings.mismatches)))
@@ -174,13 +215,22 @@ def _robustness(
 
 
 def _row(
-    study: StudyRun, posture: str, side: str, ratio: float, case: Case, results: Sequence[Mapping[str, Any]]
+    study: StudyRun,
+    posture: str,
+    side: str,
+    ratio: float,
+    case: Case,
+    results: Sequence[Mapping[str, Any]],
 ) -> dict[str, Any]:
     """How well the plans of one ratio track and cage without noise."""
     reference = case_setup(case).task.reference  # (N + 1, 2)
     points = reference[np.linspace(0, len(reference) - 1, PAPER_REFERENCE_POINTS).astype(int)]
-    paths = [study.load_evaluation(case, seed, "nominal").pose for seed in study.seeds]  # (1, N + 1, 3) each
-    shortest = [np.hypot(*(path[0, 1:, None, :2] - points).transpose(2, 0, 1)).min(axis=1).mean() for path in paths]
+    # (1, N + 1, 3) each
+    paths = [study.load_evaluation(case, seed, "nominal").pose for seed in study.seeds]
+    shortest = [
+        np.hypot(*(path[0, 1:, None, :2] - points).transpose(2, 0, 1)).min(axis=1).mean()
+        for path in paths
+    ]
     return {
         "start": posture,
         "arc": side,
@@ -197,7 +247,10 @@ def _row(
 
 
 def _rank_row(
-    posture: str, side: str, ratios: Sequence[float], results: Mapping[Any, Sequence[Mapping[str, Any]]]
+    posture: str,
+    side: str,
+    ratios: Sequence[float],
+    results: Mapping[Any, Sequence[Mapping[str, Any]]],
 ) -> dict[str, Any]:
     """Rank correlations from one posture on one arc."""
     found = [results[posture, side, ratio] for ratio in ratios]
@@ -227,30 +280,54 @@ def _suffix(settings: Settings, posture: str) -> str:
     return "" if posture == settings.postures[0] else f"_{posture}"
 
 
-def _draw_best(study: StudyRun, settings: Settings, posture: str, cases: Mapping[Any, Case]) -> list[Path]:
+def _draw_best(
+    study: StudyRun, settings: Settings, posture: str, cases: Mapping[Any, Case]
+) -> list[Path]:
     """Key frames of the extremes from one posture, and how the plans of the largest lambda hold."""
-    folder, suffix, line = study.out_dir, _suffix(settings, posture), (posture, settings.sides[0])
+    folder = study.out_dir
+    suffix = _suffix(settings, posture)
+    line = (posture, settings.sides[0])
     extremes = [cases[*line, min(settings.ratios)], cases[*line, max(settings.ratios)]]
     best = extremes[-1:]
     runs = [[executed(study, best[0], name, label) for name, label in settings.mismatches.items()]]
     return study.draw(
         partial(keyframes, first_trajectories(study, extremes), folder / f"keyframes{suffix}.png"),
-        partial(trajectories, first_trajectories(study, best, settings.noise), folder / f"object_paths{suffix}.png"),
-        partial(mismatch_paths, first_trajectories(study, best), runs, folder / f"mismatch_paths{suffix}.png"),
+        partial(
+            trajectories,
+            first_trajectories(study, best, settings.noise),
+            folder / f"object_paths{suffix}.png",
+        ),
+        partial(
+            mismatch_paths,
+            first_trajectories(study, best),
+            runs,
+            folder / f"mismatch_paths{suffix}.png",
+        ),
     )
 
 
 def _draw_lambdas(
-    study: StudyRun, settings: Settings, posture: str, cases: Mapping[Any, Case], results: Mapping[Any, Any]
+    study: StudyRun,
+    settings: Settings,
+    posture: str,
+    cases: Mapping[Any, Case],
+    results: Mapping[Any, Any],
 ) -> list[Path]:
-    """The trade-off on the first arc, and paths and caging of each lambda on all, from one posture."""
-    points, tracked = {}, {}
+    """The trade-off on the first arc, and paths and caging of each lambda on all, from one
+    posture.
+    """
+    points = {}
+    tracked = {}
     for ratio in settings.ratios:
         first = results[posture, settings.sides[0], ratio]
-        points[ratio] = np.column_stack([column(first, name) for name in ("mean_caging", "tracking_error")])
+        points[ratio] = np.column_stack(
+            [column(first, name) for name in ("mean_caging", "tracking_error")]
+        )
         shown = [cases[posture, side, ratio] for side in settings.sides]
         caging = [over_plans(study, case, "nominal", "caging")[0] for case in shown]
-        tracked[ratio] = [Tracked(*pair) for pair in zip(first_trajectories(study, shown), caging, strict=True)]
+        tracked[ratio] = [
+            Tracked(*pair) for pair in zip(first_trajectories(study, shown), caging, strict=True)
+        ]
     suffix = _suffix(settings, posture)
     return study.draw(
         partial(tradeoff, points, study.out_dir / f"tradeoff{suffix}.png", TRACKING_TOLERANCE),

@@ -1,4 +1,6 @@
-"""What the studies of plants other than the planner's model share (paper, section 6): rows, notes and pictures."""
+"""What the studies of plants other than the planner's model share (paper, section 6): rows, notes
+and pictures.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +17,26 @@ from evaluation.studies.paper import all_notes
 from evaluation.studies.pictures import case_setup, first_trajectories, over_plans
 from evaluation.tables import Estimate, Rates, write_table
 
-Results = Mapping[str, list[list[dict[str, Any]]]]  # protocol -> for each case the results of `evaluate_once`
+# protocol -> for each case the results of `evaluate_once`
+Results = Mapping[str, list[list[dict[str, Any]]]]
 
 GOOD = 0.9  # success below which the notes name a protocol
 
 NOTES = """\
-n counts distinct executions: plans x executions of each. A protocol that draws nothing is one execution
-of a plan; its twin `-start` draws the object's start within 0.01 m and 0.05 rad. An execution succeeds
-if the object's centre ends within 0.05 m of the goal's; d2g is the distance to that region at the end.
-Deviation: largest distance of the object from the unperturbed execution at the same time, and that at
-the end; unperturbed is the same plan under `nominal`, and for a `-start` under `nominal-start` from the
-same start (`nominal-start` itself is compared with `nominal`). Means over executions; intervals (95 %)
-by a bootstrap over plans, and for the success of one execution of each plan by Wilson. A bootstrap has
-no width where all plans agree, though a few plans that agree say little about another one. Each plan:
-success by planner seed. Diverged: executions whose simulation became unstable; they count as failed."""
+n counts distinct executions: plans x executions of each. A protocol that draws nothing is one
+execution of a plan; its twin `-start` draws the object's start within 0.01 m and 0.05 rad. An
+execution succeeds if the object's centre ends within 0.05 m of the goal's; d2g is the distance to
+that region at the end. Deviation: largest distance of the object from the unperturbed execution at
+the same time, and that at the end; unperturbed is the same plan under `nominal`, and for a `-start`
+under `nominal-start` from the same start (`nominal-start` itself is compared with `nominal`). Means
+over executions; intervals (95 %) by a bootstrap over plans, and for the success of one execution of
+each plan by Wilson. A bootstrap has no width where all plans agree, though a few plans that agree
+say little about another one. Each plan: success by planner seed. Diverged: executions whose
+simulation became unstable; they count as failed."""
 
 PICTURES = """\
-object_paths.png shows the plans of the first seed from the task's start, final_distance.png all plans
-from drawn starts."""
+object_paths.png shows the plans of the first seed from the task's start, final_distance.png all
+plans from drawn starts."""
 
 
 def with_starts(protocols: Sequence[str]) -> list[str]:
@@ -62,8 +66,8 @@ def success_rate(results: Sequence[Mapping[str, Any]], twin: str = "") -> Interv
         twin: "unperturbed_" for the rate of the unperturbed twin.
 
     Returns:
-        Mean over plans with a bootstrap; where each plan is one execution, hence one draw of success or
-        failure, Wilson's interval.
+        Mean over plans with a bootstrap; where each plan is one execution, hence one draw of
+        success or failure, Wilson's interval.
     """
     rates = column(results, f"{twin}success_rate")
     if (column(results, f"{twin}n") == 1).all():
@@ -139,9 +143,14 @@ def shortfalls(cases: Sequence[Case], results: Results, label: str = "caging") -
     for protocol, by_case in results.items():
         rates = column(by_case[rank], "success_rate")
         if rates.mean() < GOOD:
-            found.append(f"`{protocol}` ({100 * rates.mean():.0f} %, least plan {100 * rates.min():.0f} %)")
+            found.append(
+                f"`{protocol}` ({100 * rates.mean():.0f} %, least plan {100 * rates.min():.0f} %)"
+            )
     if not found:
-        return f"Where {label} falls short: nowhere; it succeeds in at least {100 * GOOD:.0f} % under every protocol."
+        return (
+            f"Where {label} falls short: nowhere; it succeeds in at least {100 * GOOD:.0f} % "
+            f"under every protocol."
+        )
     return f"Where {label} falls short of {100 * GOOD:.0f} %: {', '.join(found)}."
 
 
@@ -159,7 +168,9 @@ def notes(cases: Sequence[Case], results: Results, *own: str) -> str:
     return "\n\n".join(filter(None, [*own, NOTES, shortfalls(cases, results)]))
 
 
-def paper_table(study: StudyRun, cases: Sequence[Case], protocols: Sequence[str], title: str, own: str) -> list[Path]:
+def paper_table(
+    study: StudyRun, cases: Sequence[Case], protocols: Sequence[str], title: str, own: str
+) -> list[Path]:
     """The same rows for the plans with the paper's presets and budget, in a table `paper`.
 
     Args:
@@ -176,7 +187,9 @@ def paper_table(study: StudyRun, cases: Sequence[Case], protocols: Sequence[str]
         return []
     rows = mismatch_rows(cases, evaluate_all(study, cases, protocols))
     text = all_notes(f"{own}\n\n{NOTES}", [case.label for case in cases])
-    return write_table(study.out_dir, rows, f"{title}, with the paper's weights and budget", text, "paper")
+    return write_table(
+        study.out_dir, rows, f"{title}, with the paper's weights and budget", text, "paper"
+    )
 
 
 def draw_mismatch(
@@ -186,7 +199,8 @@ def draw_mismatch(
     compared: Sequence[str],
     label: Callable[[str], str],
 ) -> list[Path]:
-    """Object paths of the first plans from the task's start, and final distances of all plans from drawn starts.
+    """Object paths of the first plans from the task's start, and final distances of all plans from
+    drawn starts.
 
     Args:
         study: the run.
@@ -201,11 +215,16 @@ def draw_mismatch(
     folder = study.out_dir
     runs = [[executed(study, case, name, label(name)) for name in drawn] for case in cases]
     final = {
-        case.label: {label(name): over_plans(study, case, f"{name}-start", "goal_distance")[:, -1] for name in compared}
+        case.label: {
+            label(name): over_plans(study, case, f"{name}-start", "goal_distance")[:, -1]
+            for name in compared
+        }
         for case in cases
     }
     return study.draw(
-        partial(mismatch_paths, first_trajectories(study, cases), runs, folder / "object_paths.png"),
+        partial(
+            mismatch_paths, first_trajectories(study, cases), runs, folder / "object_paths.png"
+        ),
         partial(final_distances, final, folder / "final_distance.png"),
     )
 
@@ -224,4 +243,6 @@ def executed(study: StudyRun, case: Case, protocol: str, label: str) -> Executed
     """
     own = case_setup(case).plant.object
     plant = get_protocol(protocol).env_kwargs({"object": own, **case.env_kwargs})
-    return Executed(label, plant["object"], study.load_evaluation(case, study.seeds[0], protocol).pose[0])
+    return Executed(
+        label, plant["object"], study.load_evaluation(case, study.seeds[0], protocol).pose[0]
+    )

@@ -1,4 +1,6 @@
-"""The paper's budget, presets and cases, which studies show beside their own (paper, appendix A.2.1)."""
+"""The paper's budget, presets and cases, which studies show beside their own (paper, appendix
+A.2.1).
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,11 @@ from evaluation.studies import PUSH
 from evaluation.studies.common import Case
 from piec_envs import PAPER_PRESETS
 
-# The paper's budget (appendix A.2.1), whatever a study plans with otherwise: one search of 100 iterations with 50
-# samples over 5 via points. It names no first step size and no first guess: sigma = 0.2 rad or m and a guess at rest
-# are ours. So is asking for the escape time on every fifth step, as all planners here do: the cost of a plan changes
-# by less than 0.2 %. Nothing is restarted, screened or polished.
+# The paper's budget (appendix A.2.1), whatever a study plans with otherwise: one search of 100
+# iterations with 50 samples over 5 via points. It names no first step size and no first guess:
+# sigma = 0.2 rad or m and a guess at rest are ours. So is asking for the escape time on every fifth
+# step, as all planners here do: the cost of a plan changes by less than 0.2 %. Nothing is
+# restarted, screened or polished.
 PAPER_PLANNER: Mapping[str, Any] = {
     "population": 50,
     "iterations": 100,
@@ -27,14 +30,17 @@ PAPER_PLANNER: Mapping[str, Any] = {
     "robust_iterations": 0,
 }
 PAPER_NOTES = """\
-Rows called "paper" and "paper-miss" are planned and executed with the paper's contact model (no compliance, unlimited
-lead), weights and budget: one search of 100 iterations with 50 samples, from rest, nothing polished under noise.
-"paper" is the paper to the letter, under which a caging plan has no reason to end at the goal: in each step its task
-term, 100 d^2, is 25 at half a metre from the goal, its caging term 160 in a closed cage, wherever that is. "paper-miss"
-adds the default's weight on a miss of the goal region at the end, 1e5 d2g."""
+Rows called "paper" and "paper-miss" are planned and executed with the paper's contact model (no
+compliance, unlimited lead), weights and budget: one search of 100 iterations with 50 samples, from
+rest, nothing polished under noise. "paper" is the paper to the letter, under which a caging plan
+has no reason to end at the goal: in each step its task term, 100 d^2, is 25 at half a metre from
+the goal, its caging term 160 in a closed cage, wherever that is. "paper-miss" adds the default's
+weight on a miss of the goal region at the end, 1e5 d2g."""
 
 
-def paper_case(label: str, preset: str, objective: str, env_kwargs: Mapping[str, Any], env_id: str = PUSH) -> Case:
+def paper_case(
+    label: str, preset: str, objective: str, env_kwargs: Mapping[str, Any], env_id: str = PUSH
+) -> Case:
     """A case with the paper's budget and one of its presets, for planning and for execution.
 
     Args:
@@ -61,7 +67,11 @@ def paper_cases(objectives: Sequence[str], env_kwargs: Mapping[str, Any]) -> lis
     Returns:
         The cases.
     """
-    return [paper_case(name, preset, name, env_kwargs) for preset in PAPER_PRESETS for name in objectives]
+    return [
+        paper_case(name, preset, name, env_kwargs)
+        for preset in PAPER_PRESETS
+        for name in objectives
+    ]
 
 
 def all_notes(notes: str, paper: Sequence[str]) -> str:

@@ -58,8 +58,11 @@ def watched(plan: Plan, label: str, env_kwargs: Mapping[str, Any], seed: int = 0
     Returns:
         The execution.
     """
-    env: Any = gym.make(plan.env_id, disable_env_checker=True, **{"escape_field": None, **env_kwargs}).unwrapped
-    policy, setup = OpenLoopPolicy(plan), env.model.setup
+    env: Any = gym.make(
+        plan.env_id, disable_env_checker=True, **{"escape_field": None, **env_kwargs}
+    ).unwrapped
+    policy = OpenLoopPolicy(plan)
+    setup = env.model.setup
     observation, info = env.reset(seed=seed)
     rows = [_seen(env, info)]
     for _ in range(setup.task.horizon):
@@ -82,12 +85,16 @@ def watched(plan: Plan, label: str, env_kwargs: Mapping[str, Any], seed: int = 0
 
 
 def _seen(env: Any, info: Mapping[str, Any]) -> tuple[np.ndarray, ...]:
-    """Joints (n,), object pose (3,), links in contact (links,) and places of loose bodies (k, 7)."""
+    """Joints (n,), object pose (3,), links in contact (links,) and places of loose bodies
+    (k, 7).
+    """
     state = env.get_state()
     return state.q_r[0], state.pose[0], info["contact_links"], state.loose_places(0)
 
 
-def first_trajectories(study: StudyRun, cases: Sequence[Case], protocol: str | None = None) -> list[Trajectory]:
+def first_trajectories(
+    study: StudyRun, cases: Sequence[Case], protocol: str | None = None
+) -> list[Trajectory]:
     """The first seed's plan of each case, with its executions under a protocol, if one is named.
 
     Args:
@@ -98,7 +105,8 @@ def first_trajectories(study: StudyRun, cases: Sequence[Case], protocol: str | N
     Returns:
         One for each case.
     """
-    seed, drawn = study.seeds[0], []
+    seed = study.seeds[0]
+    drawn = []
     for case in cases:
         disturbed = study.load_evaluation(case, seed, protocol) if protocol else None
         drawn.append(trajectory(case, study.load_evaluation(case, seed, "nominal"), disturbed))
@@ -117,7 +125,9 @@ def over_plans(study: StudyRun, case: Case, protocol: str, name: str) -> np.ndar
     Returns:
         Shape (executions, N + 1), in the quantity's unit.
     """
-    return np.concatenate([getattr(study.load_evaluation(case, seed, protocol), name) for seed in study.seeds])
+    return np.concatenate(
+        [getattr(study.load_evaluation(case, seed, protocol), name) for seed in study.seeds]
+    )
 
 
 def sigma_of(protocol: str) -> float:

@@ -1,8 +1,8 @@
 """Planning against a fleeing object, mode 4, beside mode 3 (paper, appendix B.1).
 
-In mode 4 the planner's model lets the object flee down the escape-time field at u_bar. Both kinds of
-plan are executed undisturbed (use of the arm), under random displacements, and against the fleeing
-object itself.
+In mode 4 the planner's model lets the object flee down the escape-time field at u_bar. Both kinds
+of plan are executed undisturbed (use of the arm), under random displacements, and against the
+fleeing object itself.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from evaluation.studies.planar_disturbance import draw_disturbed
 from evaluation.tables import write_table
 
 USAGE_NOTES = """\
-Undisturbed executions, one distinct execution for each planner seed. Columns as in planar-objectives.
-"Goal distance" and "in the goal" are those of the planner's own nominal execution, which for mode 4
-has the fleeing object in it."""
+Undisturbed executions, one distinct execution for each planner seed. Columns as in
+planar-objectives. "Goal distance" and "in the goal" are those of the planner's own nominal
+execution, which for mode 4 has the fleeing object in it."""
 ROBUST_NOTES = """\
-n counts distinct executions: plans x rollouts of each; against the fleeing object every rollout of a
-plan is the same one. Columns as in planar-disturbance."""
+n counts distinct executions: plans x rollouts of each; against the fleeing object every rollout of
+a plan is the same one. Columns as in planar-disturbance."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,12 @@ class Settings:
     objectives: tuple[str, ...] = ("caging", "adversarial")
     paper: tuple[str, ...] = ("contact", "proximity", "caging", "adversarial")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
-    protocols: tuple[str, ...] = ("disturbance-1mm", "disturbance-3mm", "disturbance-5mm", "adversary")
+    protocols: tuple[str, ...] = (
+        "disturbance-1mm",
+        "disturbance-3mm",
+        "disturbance-5mm",
+        "adversary",
+    )
     drawn: tuple[str, ...] = ("disturbance-1mm", "disturbance-3mm", "disturbance-5mm")
     episodes: int = 100
     planner: Mapping[str, Any] = field(default_factory=dict)
@@ -94,19 +99,32 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress)
     modes = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
     cases = [*modes, *paper_cases(settings.paper, settings.env_kwargs)]
-    plans, nominal = study.plan(cases), study.evaluate(cases, "nominal")
+    plans = study.plan(cases)
+    nominal = study.evaluate(cases, "nominal")
     usage = [
         {"objective": case.title, **home_columns(planned), **usage_columns(executed)}
         for case, planned, executed in zip(cases, plans, nominal, strict=True)
     ]
     robust = [
-        {"protocol": protocol, "objective": case.title, **success_columns(results), **distance_columns(results)}
+        {
+            "protocol": protocol,
+            "objective": case.title,
+            **success_columns(results),
+            **distance_columns(results),
+        }
         for protocol in settings.protocols
         for case, results in zip(cases, study.evaluate(cases, protocol), strict=True)
     ]
     tables = [
-        *write_table(study.out_dir, robust, "Mode 4 beside mode 3: disturbed", all_notes(ROBUST_NOTES, settings.paper)),
-        *write_table(study.out_dir, usage, "Mode 4 beside mode 3: use of the arm", USAGE_NOTES, name="usage"),
+        *write_table(
+            study.out_dir,
+            robust,
+            "Mode 4 beside mode 3: disturbed",
+            all_notes(ROBUST_NOTES, settings.paper),
+        ),
+        *write_table(
+            study.out_dir, usage, "Mode 4 beside mode 3: use of the arm", USAGE_NOTES, name="usage"
+        ),
     ]
     return [*tables, *_draw(study, modes, nominal), *draw_disturbed(study, modes, settings.drawn)]
 

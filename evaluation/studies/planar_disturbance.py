@@ -100,9 +100,11 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     """
     study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress)
     modes = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
-    planner = {"escape_every": 20, **settings.planner, "objective": "caging"}  # a grid takes its time
+    # a grid takes its time
+    planner = {"escape_every": 20, **settings.planner, "objective": "caging"}
     other = [
-        Case(f"caging, {name}", {**planner, "escape_field": name}, settings.env_kwargs) for name in settings.fields
+        Case(f"caging, {name}", {**planner, "escape_field": name}, settings.env_kwargs)
+        for name in settings.fields
     ]
     cases = [*modes, *other, *paper_cases(settings.paper, settings.env_kwargs)]
     study.plan(cases)
@@ -129,11 +131,16 @@ def draw_disturbed(study: StudyRun, cases: list[Case], protocols: tuple[str, ...
     """
     folder = study.out_dir
     distance = {
-        case.label: {sigma_of(name): over_plans(study, case, name, "goal_distance") for name in protocols}
+        case.label: {
+            sigma_of(name): over_plans(study, case, name, "goal_distance") for name in protocols
+        }
         for case in cases
     }
     first = first_trajectories(study, cases, protocols[-1])
-    final = {label: {sigma: rows[:, -1] for sigma, rows in row.items()} for label, row in distance.items()}
+    final = {
+        label: {sigma: rows[:, -1] for sigma, rows in row.items()}
+        for label, row in distance.items()
+    }
     return study.draw(
         partial(distance_bands, distance, folder / "distance_over_time.png"),
         partial(final_distances, final, folder / "final_distance.png"),

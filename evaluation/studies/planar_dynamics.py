@@ -11,8 +11,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
-from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
+from evaluation.studies.common import (
+    DRAWN_STARTS,
+    PLANNER_SEEDS,
+    SMOKE_PLANNER,
+    StudyRun,
+    mode_cases,
+)
+from evaluation.studies.mismatch import (
+    PICTURES,
+    draw_mismatch,
+    evaluate_all,
+    mismatch_rows,
+    notes,
+    paper_table,
+)
 from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
 
@@ -26,7 +39,8 @@ class Settings:
 
     Args:
         objectives: what to compare.
-        paper: objectives planned with the paper's presets and budget as well, in a table of their own.
+        paper: objectives planned with the paper's presets and budget as well, in a table of their
+            own.
         planner_seeds: one plan of each objective for each.
         protocols: the true dynamics.
         starts: executions of each plan from drawn starts.
@@ -67,9 +81,13 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     everything = ("nominal", *settings.protocols)
     results = evaluate_all(study, cases, everything)
     title = "Plans of the quasi-dynamic model under MuJoCo"
-    tables = write_table(study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES))
+    tables = write_table(
+        study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES)
+    )
     return [
         *tables,
         *paper_table(study, paper, everything, title, NOTES),
-        *draw_mismatch(study, cases, settings.protocols, everything, lambda name: LABELS.get(name, name)),
+        *draw_mismatch(
+            study, cases, settings.protocols, everything, lambda name: LABELS.get(name, name)
+        ),
     ]

@@ -1,7 +1,7 @@
 """Plans for one friction executed under others (paper, section 6.3.3).
 
-The plans of `planar-objectives`, made for friction 0.5, are executed open loop with other coefficients
-between arm and object, from the task's start and from drawn ones.
+The plans of `planar-objectives`, made for friction 0.5, are executed open loop with other
+coefficients between arm and object, from the task's start and from drawn ones.
 """
 
 from __future__ import annotations
@@ -12,8 +12,21 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.protocols import get_protocol
-from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
-from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
+from evaluation.studies.common import (
+    DRAWN_STARTS,
+    PLANNER_SEEDS,
+    SMOKE_PLANNER,
+    StudyRun,
+    mode_cases,
+)
+from evaluation.studies.mismatch import (
+    PICTURES,
+    draw_mismatch,
+    evaluate_all,
+    mismatch_rows,
+    notes,
+    paper_table,
+)
 from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
 
@@ -26,7 +39,8 @@ class Settings:
 
     Args:
         objectives: what to compare.
-        paper: objectives planned with the paper's presets and budget as well, in a table of their own.
+        paper: objectives planned with the paper's presets and budget as well, in a table of their
+            own.
         planner_seeds: one plan of each objective for each.
         protocols: the true frictions.
         drawn: those of the figures.
@@ -38,7 +52,13 @@ class Settings:
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
     paper: tuple[str, ...] = ("contact", "proximity", "caging")
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
-    protocols: tuple[str, ...] = ("friction-0.00", "friction-0.25", "friction-0.50", "friction-0.75", "friction-1.00")
+    protocols: tuple[str, ...] = (
+        "friction-0.00",
+        "friction-0.25",
+        "friction-0.50",
+        "friction-0.75",
+        "friction-1.00",
+    )
     drawn: tuple[str, ...] = ("friction-0.00", "friction-0.25", "friction-0.75", "friction-1.00")
     starts: int = DRAWN_STARTS
     planner: Mapping[str, Any] = field(default_factory=dict)
@@ -48,7 +68,15 @@ class Settings:
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
         protocols = ("friction-0.00", "friction-0.50")
-        return cls(("contact", "caging"), (), (0,), protocols, protocols[:1], starts=2, planner=SMOKE_PLANNER)
+        return cls(
+            ("contact", "caging"),
+            (),
+            (0,),
+            protocols,
+            protocols[:1],
+            starts=2,
+            planner=SMOKE_PLANNER,
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -69,7 +97,9 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     study.plan([*cases, *paper])
     results = evaluate_all(study, cases, settings.protocols)
     title = "Plans for friction 0.5 under other frictions"
-    tables = write_table(study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES))
+    tables = write_table(
+        study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES, PICTURES)
+    )
     drawn = draw_mismatch(study, cases, settings.drawn, settings.protocols, _label)
     return [*tables, *paper_table(study, paper, settings.protocols, title, NOTES), *drawn]
 

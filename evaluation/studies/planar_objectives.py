@@ -32,11 +32,11 @@ from evaluation.tables import write_table
 
 EARLY = 200  # steps in which the paper has mode 3 keep a larger distance than mode 2
 NOTES = """\
-n counts distinct executions, one for each planner seed. Goal distance: object's centre to the goal's
-at the end of each plan's nominal execution; "in the goal" counts those within 0.05 m. Link columns:
-fraction of the time in contact, mean over plans; arm distance: mean over links and time, and over the
-first 20 s alone; caging: 0.02 times the escape time, mean over time; all three as mean ± standard deviation
-over plans. "Through itself" counts plans along which links cross."""
+n counts distinct executions, one for each planner seed. Goal distance: object's centre to the
+goal's at the end of each plan's nominal execution; "in the goal" counts those within 0.05 m. Link
+columns: fraction of the time in contact, mean over plans; arm distance: mean over links and time,
+and over the first 20 s alone; caging: 0.02 times the escape time, mean over time; all three as mean
+± standard deviation over plans. "Through itself" counts plans along which links cross."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,9 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls(objectives=("contact", "caging"), paper=(), planner_seeds=(0,), planner=SMOKE_PLANNER)
+        return cls(
+            objectives=("contact", "caging"), paper=(), planner_seeds=(0,), planner=SMOKE_PLANNER
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -75,17 +77,22 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    study = StudyRun(Path(out_dir), settings.planner_seeds, episodes=1, jobs=jobs, progress=progress)
+    study = StudyRun(
+        Path(out_dir), settings.planner_seeds, episodes=1, jobs=jobs, progress=progress
+    )
     modes = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
     cases = [*modes, *paper_cases(settings.paper, settings.env_kwargs)]
     plans = study.plan(cases)
     results = study.evaluate(cases, "nominal")
     rows = []
     for case, planned, executed in zip(cases, plans, results, strict=True):
-        early = over_plans(study, case, "nominal", "mean_distance")[:, : EARLY + 1].mean(axis=1)  # (plans,)
+        # (plans,)
+        early = over_plans(study, case, "nominal", "mean_distance")[:, : EARLY + 1].mean(axis=1)
         row = {"objective": case.title, **home_columns(planned), **usage_columns(executed)}
         rows.append({**row, "arm distance to 20 s, m": spread(early)})
-    tables = write_table(study.out_dir, rows, "What the objectives make the arm do", all_notes(NOTES, settings.paper))
+    tables = write_table(
+        study.out_dir, rows, "What the objectives make the arm do", all_notes(NOTES, settings.paper)
+    )
     return [*tables, *_draw(study, modes, results)]
 
 

@@ -1,8 +1,8 @@
 """All of section 6 in one table: three modes under every protocol that departs from the circle.
 
 The plans of `planar-objectives` are executed open loop under random displacements (section 6.2),
-simplified contact models (6.3), a fleeing object (appendix B.1) and several of these at once, from the
-task's start and from drawn ones.
+simplified contact models (6.3), a fleeing object (appendix B.1) and several of these at once, from
+the task's start and from drawn ones.
 """
 
 from __future__ import annotations
@@ -15,13 +15,35 @@ from typing import Any
 
 from evaluation.figures import Robustness, robustness
 from evaluation.protocols import PROTOCOLS
-from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun, mode_cases
-from evaluation.studies.mismatch import Results, estimate, evaluate_all, mismatch_rows, notes, success_rate
+from evaluation.studies.common import (
+    DRAWN_STARTS,
+    PLANNER_SEEDS,
+    SMOKE_PLANNER,
+    Case,
+    StudyRun,
+    mode_cases,
+)
+from evaluation.studies.mismatch import (
+    Results,
+    estimate,
+    evaluate_all,
+    mismatch_rows,
+    notes,
+    success_rate,
+)
 from evaluation.tables import write_table
 
 # They belong to plans for another object.
-ELSEWHERE = ("friction-0.20", "friction-0.80", "shape-box_212", "shape-paper_pack_wrapped", "shape-a4_box")
-NOTES = "`combined` is MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once."
+ELSEWHERE = (
+    "friction-0.20",
+    "friction-0.80",
+    "shape-box_212",
+    "shape-paper_pack_wrapped",
+    "shape-a4_box",
+)
+NOTES = (
+    "`combined` is MuJoCo, the square, friction 0.25 and gaussian displacements of 5 mm at once."
+)
 
 
 @dataclass(frozen=True)
@@ -50,9 +72,13 @@ class Settings:
 
     @classmethod
     def smoke(cls) -> Settings:
-        """Tiny budgets, to see that everything runs; MuJoCo, which takes its time, has its own study."""
+        """Tiny budgets, to see that everything runs; MuJoCo, which takes its time, has its own
+        study.
+        """
         protocols = ("nominal", "shape-square", "disturbance-5mm")
-        return cls(("contact", "caging"), (0,), protocols, episodes=2, starts=2, planner=SMOKE_PLANNER)
+        return cls(
+            ("contact", "caging"), (0,), protocols, episodes=2, starts=2, planner=SMOKE_PLANNER
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -67,12 +93,16 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     Returns:
         The files written.
     """
-    study = StudyRun(Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts)
+    study = StudyRun(
+        Path(out_dir), settings.planner_seeds, settings.episodes, jobs, progress, settings.starts
+    )
     cases = mode_cases(settings.objectives, settings.planner, settings.env_kwargs)
     study.plan(cases)
     results = evaluate_all(study, cases, settings.protocols)
     title = "Which plans survive which perturbation"
-    tables = write_table(study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES))
+    tables = write_table(
+        study.out_dir, mismatch_rows(cases, results), title, notes(cases, results, NOTES)
+    )
     rows = {name: _shown(cases, results, name) for name in settings.protocols if name != "nominal"}
     return [*tables, *study.draw(partial(robustness, rows, study.out_dir / "robustness.png"))]
 
@@ -80,7 +110,9 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
 def _shown(cases: Sequence[Case], results: Results, protocol: str) -> dict[str, Robustness]:
     """What the figure shows of one protocol, by mode."""
     shown = {}
-    for case, plain, drawn in zip(cases, results[protocol], results[f"{protocol}-start"], strict=True):
+    for case, plain, drawn in zip(
+        cases, results[protocol], results[f"{protocol}-start"], strict=True
+    ):
         drift = estimate(drawn, "deviation"), estimate(drawn, "final_deviation")
         shown[case.label] = Robustness(success_rate(plain), success_rate(drawn), *drift)
     return shown

@@ -1,8 +1,8 @@
 """Plans for a circle executed with polygons around it (paper, section 6.3.2).
 
-The plans of `planar-objectives`, made for a circle, are executed open loop with an octagon, a hexagon
-and a square of the same apothem, from the task's start and from drawn ones. A second table and a figure
-state how wrong the circle is about each of them.
+The plans of `planar-objectives`, made for a circle, are executed open loop with an octagon, a
+hexagon and a square of the same apothem, from the task's start and from drawn ones. A second table
+and a figure state how wrong the circle is about each of them.
 """
 
 from __future__ import annotations
@@ -17,17 +17,30 @@ import numpy as np
 from evaluation.figures import shape_mismatches
 from evaluation.protocols import get_protocol
 from evaluation.shape_mismatch import shape_mismatch
-from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, StudyRun, mode_cases
-from evaluation.studies.mismatch import PICTURES, draw_mismatch, evaluate_all, mismatch_rows, notes, paper_table
+from evaluation.studies.common import (
+    DRAWN_STARTS,
+    PLANNER_SEEDS,
+    SMOKE_PLANNER,
+    StudyRun,
+    mode_cases,
+)
+from evaluation.studies.mismatch import (
+    PICTURES,
+    draw_mismatch,
+    evaluate_all,
+    mismatch_rows,
+    notes,
+    paper_table,
+)
 from evaluation.studies.paper import paper_cases
 from evaluation.tables import write_table
 from piec_envs import Object, get_object
 
 NOTES = "`nominal` is the case without mismatch: the object that the plans are made for."
 SHAPE_NOTES = """\
-Both surfaces are looked at in every direction from the object's origin. Contact displacement: largest
-distance between their points in one direction; normal error: largest angle between their normals there
-(beside a corner, where the normal jumps). Direction: the first in which it occurs."""
+Both surfaces are looked at in every direction from the object's origin. Contact displacement:
+largest distance between their points in one direction; normal error: largest angle between their
+normals there (beside a corner, where the normal jumps). Direction: the first in which it occurs."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +49,8 @@ class Settings:
 
     Args:
         objectives: what to compare.
-        paper: objectives planned with the paper's presets and budget as well, in a table of their own.
+        paper: objectives planned with the paper's presets and budget as well, in a table of their
+            own.
         planner_seeds: one plan of each objective for each.
         protocols: the true shapes.
         starts: executions of each plan from drawn starts.
@@ -55,7 +69,9 @@ class Settings:
     @classmethod
     def smoke(cls) -> Settings:
         """Tiny budgets, to see that everything runs."""
-        return cls(("contact", "caging"), (), (0,), ("shape-square",), starts=2, planner=SMOKE_PLANNER)
+        return cls(
+            ("contact", "caging"), (), (0,), ("shape-square",), starts=2, planner=SMOKE_PLANNER
+        )
 
 
 def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True) -> list[Path]:
@@ -78,15 +94,23 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     results = evaluate_all(study, cases, everything)
     planned = get_object(settings.env_kwargs.get("object", "circle"))
     true = [get_object(get_protocol(protocol).params["object"]) for protocol in settings.protocols]
-    title, rows = f"Plans for the {planned.name} executed with other shapes", mismatch_rows(cases, results)
+    title = f"Plans for the {planned.name} executed with other shapes"
+    rows = mismatch_rows(cases, results)
     tables = [
         *paper_table(study, paper, everything, title, NOTES),
         *write_table(study.out_dir, rows, title, notes(cases, results, NOTES, PICTURES)),
         *write_table(
-            study.out_dir, _shape_rows(planned, true), "How wrong the planned shape is", SHAPE_NOTES, "shapes"
+            study.out_dir,
+            _shape_rows(planned, true),
+            "How wrong the planned shape is",
+            SHAPE_NOTES,
+            "shapes",
         ),
     ]
-    label = {"nominal": planned.name, **{p: item.name for p, item in zip(settings.protocols, true, strict=True)}}
+    label = {
+        "nominal": planned.name,
+        **{p: item.name for p, item in zip(settings.protocols, true, strict=True)},
+    }
     drawn = draw_mismatch(study, cases, settings.protocols, everything, label.__getitem__)
     return [*tables, *drawn, shape_mismatches(planned, true, study.out_dir / "shapes.png")]
 
@@ -96,7 +120,8 @@ def _shape_rows(planned: Object, true: Sequence[Object]) -> list[dict[str, Any]]
     rows = []
     for item in true:
         mismatch = shape_mismatch(planned.shapes, item.shapes)
-        (displacement, moved), (error, turned) = mismatch.worst_displacement, mismatch.worst_normal_error
+        (displacement, moved) = mismatch.worst_displacement
+        (error, turned) = mismatch.worst_normal_error
         rows.append(
             {
                 "planned": planned.name,

@@ -1,4 +1,6 @@
-"""What the studies of static caging share: one search from one start, judged by a fine grid, and its records."""
+"""What the studies of static caging share: one search from one start, judged by a fine grid, and
+its records.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ OPTIMISERS: Mapping[str, type] = {
     "sqp": SqpConfiguration,
     "exhaustive": ExhaustiveConfiguration,
 }
-FIELD_OPTIONS = {"grid": {"resolution": 100, "method": "marching"}}  # finer than the default, which is exploited
+# finer than the default, which is exploited
+FIELD_OPTIONS = {"grid": {"resolution": 100, "method": "marching"}}
 Records = Sequence[Mapping[str, Any]]
 
 
@@ -39,7 +42,9 @@ class Method:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def spec(self) -> dict[str, Any]:
-        """The optimiser as JSON values; its defaults are filled in, so that a change of them counts."""
+        """The optimiser as JSON values; its defaults are filled in, so that a change of them
+        counts.
+        """
         return {"name": self.name, **dataclasses.asdict(OPTIMISERS[self.name](**self.options))}
 
 
@@ -48,12 +53,15 @@ def field_spec(name: str) -> dict[str, Any]:
     return {"name": name, **FIELD_OPTIONS.get(name, {})}
 
 
-def search_posture(robot_name: str, spec: Mapping[str, Any], seed: int, context: Context) -> dict[str, Any]:
+def search_posture(
+    robot_name: str, spec: Mapping[str, Any], seed: int, context: Context
+) -> dict[str, Any]:
     """Optimise from one start and judge the result.
 
     Args:
         robot_name: row of the table of robots.
-        spec: object, pose, pose_seed, field, optimiser, and judge (nodes a side of the judging grid).
+        spec: object, pose, pose_seed, field, optimiser, and judge (nodes a side of the judging
+            grid).
         seed: of the start and of the search.
         context: threads.
 
@@ -63,9 +71,12 @@ def search_posture(robot_name: str, spec: Mapping[str, Any], seed: int, context:
     options = dict(spec["optimiser"])
     optimiser = OPTIMISERS[options.pop("name")](**options)
     escape = make_field(robot_name=robot_name, threads=context.threads, **spec["field"])
-    problem = CagingProblem(robot_name, spec["object"], spec["pose"], escape, threads=context.threads)
+    problem = CagingProblem(
+        robot_name, spec["object"], spec["pose"], escape, threads=context.threads
+    )
     start = draw_postures(problem, "uniform", 1, np.random.default_rng([spec["pose_seed"], seed]))
-    problem.escape_time(start), problem.constraints(start), problem.measure(start)  # compiled before the clock starts
+    # compiled before the clock starts
+    problem.escape_time(start), problem.constraints(start), problem.measure(start)
     begin = time.perf_counter()
     found = optimiser.solve(problem, seed, start[0])
     seconds = time.perf_counter() - begin
@@ -103,12 +114,17 @@ def best_judged(records: Records) -> float:
 
 def winner(records: Records) -> Mapping[str, Any]:
     """The record with the largest judged caging, enclosing before others, feasible before all."""
-    return max(records, key=lambda r: (r["result"]["feasible"], r["result"]["enclosed"], r["result"]["judged"]))
+    return max(
+        records,
+        key=lambda r: (r["result"]["feasible"], r["result"]["enclosed"], r["result"]["judged"]),
+    )
 
 
 def search_columns(records: Records) -> dict[str, Any]:
     """What searches found and what it cost, as cells of a table."""
-    n, good, results = len(records), feasible_results(records), [record["result"] for record in records]
+    n = len(records)
+    good = feasible_results(records)
+    results = [record["result"] for record in records]
     over = [result["overlap"] for result in good]
     return {
         "found, best": max((result["found"] for result in good), default=None),

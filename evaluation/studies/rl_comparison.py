@@ -1,8 +1,8 @@
 """Planning against learning on nominal and mismatched plants.
 
-Agents of reinforcement learning act on what they see (closed loop), or replay what they did on the nominal model
-(open loop), as plans do. Planners and agents optimise the same stage cost, and are executed under the same protocols
-from the same drawn starts. Needs the extra `rl`.
+Agents of reinforcement learning act on what they see (closed loop), or replay what they did on the
+nominal model (open loop), as plans do. Planners and agents optimise the same stage cost, and are
+executed under the same protocols from the same drawn starts. Needs the extra `rl`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,16 @@ from evaluation.figures import learning_curves, success_matrix
 from evaluation.jobs import run_recorded
 from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.studies.agent_work import LOOPS, AgentCase, training_seconds
-from evaluation.studies.common import DO, PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun, column, executions, mode_cases
+from evaluation.studies.common import (
+    DO,
+    PLANNER_SEEDS,
+    SMOKE_PLANNER,
+    Case,
+    StudyRun,
+    column,
+    executions,
+    mode_cases,
+)
 from evaluation.tables import write_table
 from piec_envs import get_task
 from planners import CmaEsPlanner
@@ -29,7 +38,8 @@ ROBUST = {
     "object": ["circle", "octagon", "hexagon", "square"],
     "disturbance": [0.0, 0.005],
 }
-HOME = {"miss": 2e5}  # twice the weight, or under noise the object is held where the cage is tighter, beside the region
+# twice the weight, or under noise the object is held where the cage is tighter, beside the region
+HOME = {"miss": 2e5}
 TRAININGS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "PPO": ("ppo", {}),
     "PPO, no caging": ("ppo", {"prior": None}),
@@ -49,15 +59,17 @@ PROTOCOLS: Mapping[str, str] = {
     "combined-start": "combined",
 }
 NOTES = """\
-n counts distinct executions in each column: plans (or agents) x executions, from starts drawn within 0.01 m and 0.05
-rad. Success: mean over plans with a bootstrap over them, or Wilson's interval within one agent, at 95 %. Millimetres:
-the object is displaced by this sigma for each axis in every step of 0.1 s. Combined: MuJoCo, the square, friction 0.25
-and 5 mm at once. Steps: simulated control steps of 0.1 s that a plan or an agent took to obtain, and minutes the time,
-means, on one core beside other jobs. Agents are the best of those evaluated during their training. Closed: the agent
-sees the object once a second; open: the joint path of its nominal episode is executed blindly, as a plan's.
-Planners and agents optimise the same stage cost; "no caging" leaves its last term out, "randomised" draws friction (0.1
-to 0.9), object (circle, octagon, hexagon, square) and displacements (0 to 5 mm) in each episode of the training, and
-charges the distance to the goal region at the end twice. Planners polish their plans under noise of their own."""
+n counts distinct executions in each column: plans (or agents) x executions, from starts drawn
+within 0.01 m and 0.05 rad. Success: mean over plans with a bootstrap over them, or Wilson's
+interval within one agent, at 95 %. Millimetres: the object is displaced by this sigma for each axis
+in every step of 0.1 s. Combined: MuJoCo, the square, friction 0.25 and 5 mm at once. Steps:
+simulated control steps of 0.1 s that a plan or an agent took to obtain, and minutes the time,
+means, on one core beside other jobs. Agents are the best of those evaluated during their training.
+Closed: the agent sees the object once a second; open: the joint path of its nominal episode is
+executed blindly, as a plan's. Planners and agents optimise the same stage cost; "no caging" leaves
+its last term out, "randomised" draws friction (0.1 to 0.9), object (circle, octagon, hexagon,
+square) and displacements (0 to 5 mm) in each episode of the training, and charges the distance to
+the goal region at the end twice. Planners polish their plans under noise of their own."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +78,8 @@ class Settings:
 
     Args:
         objectives: of the planner.
-        trainings: label -> algorithm, and changes to the keyword arguments of the environment of the training.
+        trainings: label -> algorithm, and changes to the keyword arguments of the environment of
+            the training.
         hyper: changes to the hyper-parameters that ship.
         protocols: plants, and what tables and figures call them.
         planner_seeds: one plan of each objective for each.
@@ -78,7 +91,9 @@ class Settings:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
-    trainings: Mapping[str, tuple[str, Mapping[str, Any]]] = field(default_factory=lambda: TRAININGS)
+    trainings: Mapping[str, tuple[str, Mapping[str, Any]]] = field(
+        default_factory=lambda: TRAININGS
+    )
     hyper: Mapping[str, Any] = field(default_factory=dict)
     protocols: Mapping[str, str] = field(default_factory=lambda: PROTOCOLS)
     planner_seeds: tuple[int, ...] = PLANNER_SEEDS
@@ -123,10 +138,10 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     trained = train_all(agents, [case for case in learned if case.loop == LOOPS[0]])
     costs = [plan_cost(plans, case) for case in planned]
     costs += [agent_cost(agents, case, trained[case.label]) for case in learned]
-    results = {
-        name: [*plans.evaluate(planned, name), *agents.evaluate(learned, name)]  # type: ignore[arg-type]
-        for name in settings.protocols
-    }
+    results = {}
+    for name in settings.protocols:
+        executed = agents.evaluate(learned, name)  # type: ignore[arg-type]
+        results[name] = [*plans.evaluate(planned, name), *executed]
     named = [{"method": case.title, "loop": "open"} for case in planned]
     named += [{"method": case.label, "loop": case.loop} for case in learned]
     rows = [
@@ -141,8 +156,16 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
     folder = Path(out_dir)
     return [
         *write_table(folder, rows, "Success of plans and agents", NOTES),
-        *write_table(folder, means(named, results, settings.protocols, "d2g_mean"), D2G, NOTES, "d2g"),
-        *write_table(folder, means(named, results, settings.protocols, "mean_caging"), CAGING, NOTES, "caging"),
+        *write_table(
+            folder, means(named, results, settings.protocols, "d2g_mean"), D2G, NOTES, "d2g"
+        ),
+        *write_table(
+            folder,
+            means(named, results, settings.protocols, "mean_caging"),
+            CAGING,
+            NOTES,
+            "caging",
+        ),
         *_draw(plans, settings, named, results, trained),
     ]
 
@@ -163,7 +186,9 @@ def agent_case(settings: Settings, label: str, loop: str) -> AgentCase:
         The case.
     """
     algo, changes = settings.trainings[label]
-    return AgentCase(label, algo, loop, {**settings.env_kwargs, **changes}, settings.hyper, settings.env_kwargs)
+    return AgentCase(
+        label, algo, loop, {**settings.env_kwargs, **changes}, settings.hyper, settings.env_kwargs
+    )
 
 
 def train_all(study: StudyRun, cases: Sequence[AgentCase]) -> dict[str, list[dict[str, Any]]]:
@@ -178,7 +203,9 @@ def train_all(study: StudyRun, cases: Sequence[AgentCase]) -> dict[str, list[dic
     """
     works = [case.train_work(seed) for case in cases for seed in study.seeds]
     label = "training" if study.progress else ""
-    records = run_recorded(DO, works, study.out_dir / "records.jsonl", study.jobs, study.context, label)
+    records = run_recorded(
+        DO, works, study.out_dir / "records.jsonl", study.jobs, study.context, label
+    )
     found = [record["result"] for record in records]
     count = len(study.seeds)
     return {case.label: found[i * count : (i + 1) * count] for i, case in enumerate(cases)}
@@ -198,10 +225,15 @@ def plan_cost(study: StudyRun, case: Case) -> dict[str, Any]:
     works = [case.plan_work(seed) for seed in study.seeds]
     records = run_recorded(DO, works, study.out_dir / "records.jsonl", 1, study.context)
     minutes = float(np.mean([record["seconds"] for record in records])) / 60
-    return {"million steps": CmaEsPlanner(**case.planner).rollouts * horizon / 1e6, "minutes": minutes}
+    return {
+        "million steps": CmaEsPlanner(**case.planner).rollouts * horizon / 1e6,
+        "minutes": minutes,
+    }
 
 
-def agent_cost(study: StudyRun, case: AgentCase, trained: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def agent_cost(
+    study: StudyRun, case: AgentCase, trained: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     """Control steps and minutes that the training of an agent took.
 
     Args:
@@ -212,7 +244,9 @@ def agent_cost(study: StudyRun, case: AgentCase, trained: Sequence[Mapping[str, 
     Returns:
         "million steps" and "minutes", each on average over the seeds.
     """
-    seconds = [training_seconds(case.train_work(seed).spec, seed, study.context) for seed in study.seeds]
+    seconds = [
+        training_seconds(case.train_work(seed).spec, seed, study.context) for seed in study.seeds
+    ]
     steps = case.action_repeat * column(trained, "steps").mean()
     return {"million steps": float(steps / 1e6), "minutes": float(np.mean(seconds) / 60)}
 
@@ -225,7 +259,10 @@ def success(results: Sequence[Mapping[str, Any]]) -> Interval:
 
 
 def means(
-    named: Sequence[Mapping[str, Any]], results: Mapping[str, Any], protocols: Mapping[str, str], name: str
+    named: Sequence[Mapping[str, Any]],
+    results: Mapping[str, Any],
+    protocols: Mapping[str, str],
+    name: str,
 ) -> list[dict[str, Any]]:
     """Rows with the mean of one number over all executions under each protocol.
 
@@ -251,10 +288,16 @@ def means(
 
 
 def _draw(
-    study: StudyRun, settings: Settings, named: Sequence[Mapping[str, Any]], results: Mapping[str, Any], trained: Any
+    study: StudyRun,
+    settings: Settings,
+    named: Sequence[Mapping[str, Any]],
+    results: Mapping[str, Any],
+    trained: Any,
 ) -> list[Path]:
     """All success rates, and how the agents learned."""
-    rates = np.array([[success(results[key][i]).value for key in settings.protocols] for i in range(len(named))])
+    rates = np.array(
+        [[success(results[key][i]).value for key in settings.protocols] for i in range(len(named))]
+    )
     names = [f"{row['method']}, {row['loop']} loop" for row in named]
     lines = list(range(len(settings.objectives), len(named), len(LOOPS)))
     curves = {label: [result["curve"] for result in found] for label, found in trained.items()}

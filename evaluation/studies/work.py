@@ -1,4 +1,5 @@
-"""The pieces of work that studies are made of: plan (or train) once, and evaluate a plan (or an agent) once.
+"""The pieces of work that studies are made of: plan (or train) once, and evaluate a plan (or an
+agent) once.
 
 All are called by name in workers (`evaluation.jobs`). Plans are cached as files whose names end in
 the key of what they were planned for, so that studies share them; evaluations leave thinned arrays
@@ -30,14 +31,16 @@ PLANNERS: Mapping[str, Callable[..., Any]] = {"cma-es": CmaEsPlanner, "rigid-car
 KEEP_EVERY = 10  # steps between the states kept for figures
 
 
-def plan_spec(env_id: str, env_kwargs: Mapping[str, Any], planner: Mapping[str, Any]) -> dict[str, Any]:
+def plan_spec(
+    env_id: str, env_kwargs: Mapping[str, Any], planner: Mapping[str, Any]
+) -> dict[str, Any]:
     """What makes a plan, but for its seed.
 
     Args:
         env_id: id of the environment.
         env_kwargs: keyword arguments of the nominal model.
-        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; the defaults
-            are filled in, so that a change of them counts.
+        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; the
+            defaults are filled in, so that a change of them counts.
 
     Returns:
         The spec, JSON values.
@@ -55,7 +58,9 @@ def make_planner(spec: Mapping[str, Any]) -> CmaEsPlanner | RigidCarry:
     return PLANNERS[name](**arguments)
 
 
-def evaluation_spec(plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], protocol: str, episodes: int) -> dict:
+def evaluation_spec(
+    plan: Mapping[str, Any], env_kwargs: Mapping[str, Any], protocol: str, episodes: int
+) -> dict:
     """What makes an evaluation of a plan, but for its seed, which is the planner's as well.
 
     Args:
@@ -124,8 +129,11 @@ def get_plan(spec: Mapping[str, Any], seed: int, context: Context) -> Plan:
     except PlanError:
         planner = make_planner(spec["planner"])
     threads = {} if context.threads is None else {"threads": context.threads}
-    plan = planner.plan(spec["env_id"], seed=seed, progress=context.progress, **spec["env_kwargs"], **threads)
-    # What changes no result has no place in the file, or it would differ with the number of workers.
+    plan = planner.plan(
+        spec["env_id"], seed=seed, progress=context.progress, **spec["env_kwargs"], **threads
+    )
+    # What changes no result has no place in the file, or it would differ with the number of
+    # workers.
     kept = {name: value for name, value in plan.env_kwargs.items() if name not in NOT_IN_SPEC}
     plan = dataclasses.replace(plan, env_kwargs=kept)
     plan.save(file)
@@ -151,7 +159,8 @@ def get_policy(spec: Mapping[str, Any], seed: int, context: Context) -> Any:
 def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
     """An evaluation at full time resolution; its thinned arrays are left as a file.
 
-    Episode i has the seed 1000 * seed + i: independent from plan to plan, alike for every objective.
+    Episode i has the seed 1000 * seed + i: independent from plan to plan, alike for every
+    objective.
 
     Args:
         spec: of the evaluation.
@@ -162,9 +171,17 @@ def get_evaluation(spec: Mapping[str, Any], seed: int, context: Context) -> Eval
         The evaluation.
     """
     plant = {**spec["env_kwargs"], "threads": context.threads}
-    policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
+    policy = get_policy(spec, seed, context)
+    env_id = spec["plan"]["env_id"]
     evaluation = evaluate(
-        policy, env_id, spec["protocol"], spec["episodes"], 1000 * seed, plant, context.progress, plant="given"
+        policy,
+        env_id,
+        spec["protocol"],
+        spec["episodes"],
+        1000 * seed,
+        plant,
+        context.progress,
+        plant="given",
     )
     every = KEEP_EVERY if evaluation.episodes > 1 else 1
     evaluation.save(rollout_file(context.folder, spec, seed), every)
@@ -197,8 +214,8 @@ def plan_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, An
         context: folder of all studies, threads and progress.
 
     Returns:
-        The plan's file name, cost, nominal measures, and how far the arm overlaps itself along it (m,
-        added up over every tenth step).
+        The plan's file name, cost, nominal measures, and how far the arm overlaps itself along it
+        (m, added up over every tenth step).
     """
     plan = get_plan(spec, seed, context)
     bare = {**spec["env_kwargs"], "escape_field": None}
@@ -220,15 +237,16 @@ def evaluate_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str
 
     Returns:
         What `summarise` returns; `deviation`: the object's largest distance from where the twin has
-        it at the same time, and `final_deviation`: the distance at the end, both m and means over the
-        distinct executions; and of the twin `unperturbed_n`, `unperturbed_success_rate` and
+        it at the same time, and `final_deviation`: the distance at the end, both m and means over
+        the distinct executions; and of the twin `unperturbed_n`, `unperturbed_success_rate` and
         `unperturbed_d2g`, m.
     """
     evaluation = get_evaluation(spec, seed, context)
     twin = _unperturbed(spec, seed, context)
     kept = evaluation.distinct
     same = kept if twin.episodes > 1 else np.zeros(1, dtype=int)
-    pose, twin_pose = evaluation.pose[kept], twin.pose[same]
+    pose = evaluation.pose[kept]
+    twin_pose = twin.pose[same]
     return {
         **summarise(evaluation),
         "deviation": float(max_deviation(pose, twin_pose).mean()),
@@ -240,9 +258,12 @@ def evaluate_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str
 
 
 def _unperturbed(spec: Mapping[str, Any], seed: int, context: Context) -> Evaluation:
-    """The twin's executions with the same seeds; without an escape field, which the motion does not need."""
+    """The twin's executions with the same seeds; without an escape field, which the motion does not
+    need.
+    """
     plant = {**spec["env_kwargs"], "threads": context.threads, "escape_field": None}
-    policy, env_id = get_policy(spec, seed, context), spec["plan"]["env_id"]
+    policy = get_policy(spec, seed, context)
+    env_id = spec["plan"]["env_id"]
     protocol = get_protocol(spec["protocol"]).unperturbed
     return evaluate(policy, env_id, protocol, spec["episodes"], 1000 * seed, plant, plant="given")
 
@@ -258,4 +279,6 @@ def do(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
     Returns:
         What `plan_once`, `train_once` or `evaluate_once` returns.
     """
-    return {"plan": plan_once, "train": train_once, "evaluate": evaluate_once}[spec["work"]](spec, seed, context)
+    return {"plan": plan_once, "train": train_once, "evaluate": evaluate_once}[spec["work"]](
+        spec, seed, context
+    )

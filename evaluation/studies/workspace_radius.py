@@ -1,7 +1,8 @@
-"""How the escape time of a posture grows with the radius of the workspace, which the paper does not give (Table 1).
+"""How the escape time of a posture grows with the radius of the workspace, which the paper does not
+give (Table 1).
 
-Beyond the reach of the arm an object flees at u_bar, whatever the posture, so that another metre of workspace is
-another 1 / u_bar seconds, for T and T_0 alike.
+Beyond the reach of the arm an object flees at u_bar, whatever the posture, so that another metre of
+workspace is another 1 / u_bar seconds, for T and T_0 alike.
 """
 
 from __future__ import annotations
@@ -16,13 +17,15 @@ from evaluation.jobs import Context, Work, run_recorded
 from evaluation.tables import write_table
 from piec_envs import CAGING_SCALE, SpeedModel, get_object, get_robot, key_points_world, make_field
 
-PAPER = {"water_jug": (0.95, 0.95), "box": (0.93, 0.84), "paper_pack": (0.80, 0.66)}  # Table 1: mean, min
+# Table 1: mean, min
+PAPER = {"water_jug": (0.95, 0.95), "box": (0.93, 0.84), "paper_pack": (0.80, 0.66)}
 RISE = CAGING_SCALE / SpeedModel().u_bar  # of the caging with the radius, 1/m
 NOTES = """\
-The best postures of CMA-ES judged by fast marching in larger workspaces, with nodes as dense as in the robot's own.
-Caging, 0.02 T, mean and least over key points; rise: of the mean since the row above, for a metre. T - T_0, in seconds,
-is what the arm adds. Of the three objects' means the paper's are {paper:.3g} on average, ours {ours:.3g} in a workspace
-of {own:g} m: at {rise:.3g} for a metre the radius for the paper's average is {radius:.3g} m."""
+The best postures of CMA-ES judged by fast marching in larger workspaces, with nodes as dense as in
+the robot's own. Caging, 0.02 T, mean and least over key points; rise: of the mean since the row
+above, for a metre. T - T_0, in seconds, is what the arm adds. Of the three objects' means the
+paper's are {paper:.3g} on average, ours {ours:.3g} in a workspace of {own:g} m: at {rise:.3g} for a
+metre the radius for the paper's average is {radius:.3g} m."""
 
 
 def least_times(record: Mapping[str, Any], radius: float | None = None) -> np.ndarray:
@@ -35,7 +38,9 @@ def least_times(record: Mapping[str, Any], radius: float | None = None) -> np.nd
     Returns:
         (R - |p|) / u_bar, shape (k,), s.
     """
-    return ((radius or own_radius(record)) - np.hypot(*_key_points(record["spec"]).T)) / SpeedModel().u_bar
+    return (
+        (radius or own_radius(record)) - np.hypot(*_key_points(record["spec"]).T)
+    ) / SpeedModel().u_bar
 
 
 def own_radius(record: Mapping[str, Any]) -> float:
@@ -61,7 +66,9 @@ def radius_for(record: Mapping[str, Any], caging: float) -> float:
     return own_radius(record) + (caging - mean_caging(record)) / RISE
 
 
-def write_radii(radii: Sequence[float], judge: int, best: Mapping[str, Any], folder: Path, jobs: Any = 1) -> list[Path]:
+def write_radii(
+    radii: Sequence[float], judge: int, best: Mapping[str, Any], folder: Path, jobs: Any = 1
+) -> list[Path]:
     """Judge postures in workspaces of other radii and write the table `radius`.
 
     Args:
@@ -75,7 +82,9 @@ def write_radii(radii: Sequence[float], judge: int, best: Mapping[str, Any], fol
         The files written.
     """
     works = [_work(record, radius, judge) for record in best.values() for radius in radii]
-    records = run_recorded(solve_once, works, folder / "records.jsonl", jobs, Context(folder=str(folder)))
+    records = run_recorded(
+        solve_once, works, folder / "records.jsonl", jobs, Context(folder=str(folder))
+    )
     rows = radius_rows(best, radii, [record["result"]["T"] for record in records])
     printed = [name for name in best if name in PAPER]
     paper = float(np.mean([PAPER[name][0] for name in printed]))
@@ -91,7 +100,9 @@ def _work(record: Mapping[str, Any], radius: float, judge: int) -> Work:
     kept = {name: spec[name] for name in ("robot", "geometry_source", "object", "pose")}
     resolution = round(judge * radius / own_radius(record))
     posture = np.asarray(record["result"]["posture"]).tolist()
-    return Work({"work": "radius", **kept, "posture": posture, "radius": radius, "resolution": resolution})
+    return Work(
+        {"work": "radius", **kept, "posture": posture, "radius": radius, "resolution": resolution}
+    )
 
 
 def solve_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
@@ -115,7 +126,9 @@ def _key_points(spec: Mapping[str, Any]) -> np.ndarray:
     return key_points_world(get_object(spec["object"]).key_points, np.array(spec["pose"]))
 
 
-def radius_rows(best: Mapping[str, Any], radii: Sequence[float], times: Sequence[Any]) -> list[dict[str, Any]]:
+def radius_rows(
+    best: Mapping[str, Any], radii: Sequence[float], times: Sequence[Any]
+) -> list[dict[str, Any]]:
     """One row for each object and radius.
 
     Args:

@@ -14,7 +14,8 @@ from piec_envs.dynamics.rigid import FAILED, give_way, is_answer
 from piec_envs.kernels import batch_kernel, inlined_kernel
 
 VIOLATION_TOLERANCE = 1e-13  # m
-DEPENDENT = 1e-6  # a row whose part off the rows before it has at most this share of its square depends on them
+# a row whose part off the rows before it has at most this share of its square depends on them
+DEPENDENT = 1e-6
 
 
 class DualScratch(NamedTuple):
@@ -117,7 +118,9 @@ def _enter(i, p, c, dual):
 
 @inlined_kernel
 def _factor(r, begin, p, dual):
-    """Rows begin to p - 1 of the Cholesky factor of G on the passive set, and of its forward solution."""
+    """Rows begin to p - 1 of the Cholesky factor of G on the passive set, and of its forward
+    solution.
+    """
     L, passive = dual.L, dual.passive
     for i in range(begin, p):
         a = passive[i]
@@ -148,7 +151,9 @@ def _substitute(p, dual):
 
 @inlined_kernel
 def _step_inside(p, dual):
-    """Share of the way from the multipliers to z on which none turns negative; above 1 if none does."""
+    """Share of the way from the multipliers to z on which none turns negative; above 1 if none
+    does.
+    """
     share = np.inf
     for i in range(p):
         z = dual.z[i]
@@ -187,7 +192,8 @@ def _minimise(r, begin, p, whole, dual):
         r: as in `solve_dual`.
         begin: first position of the passive set whose factor is not known.
         p: size of the passive set.
-        whole: whether to go all the way to a minimiser with negative entries, not just to the bound.
+        whole: whether to go all the way to a minimiser with negative entries, not just to the
+            bound.
         dual: scratch.
 
     Returns:
@@ -208,7 +214,8 @@ def _minimise(r, begin, p, whole, dual):
 def _guess(r, m, c, dual):
     """Let the violated rows press; returns the passive set's size.
 
-    A row that is added or dropped later costs an iteration. Rows that depend on those before stay out.
+    A row that is added or dropped later costs an iteration. Rows that depend on those before stay
+    out.
     """
     p = 0
     for i in range(m):
@@ -233,8 +240,8 @@ def _is_solved(r, m, p, dual):
 def solve_dual(rows, m, compliance, r, guess, dual):
     """Exact active-set solution of min 1/2 x^T G x + x^T r over x >= 0 (Lawson and Hanson 1974).
 
-    G = A Q^-1 A^T + c I is only formed on the rows that enter the passive set, and its Cholesky factor
-    grows with it.
+    G = A Q^-1 A^T + c I is only formed on the rows that enter the passive set, and its Cholesky
+    factor grows with it.
 
     Args:
         rows: A, at least (m, d).
@@ -245,8 +252,8 @@ def solve_dual(rows, m, compliance, r, guess, dual):
         dual: scratch from `make_dual` with the diagonal of Q; `dual.multipliers` is the solution.
 
     Returns:
-        Number of rows with a positive multiplier; they stand first in `dual.passive`. FAILED where there is no
-        solution, or none is found.
+        Number of rows with a positive multiplier; they stand first in `dual.passive`. FAILED where
+        there is no solution, or none is found.
     """
     c = _scale_rows(rows, m, compliance, dual)
     for i in range(m):

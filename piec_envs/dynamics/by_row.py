@@ -35,8 +35,10 @@ class Backend:
 
     Args:
         summary: in a sentence.
-        make: what makes a `Dynamics` of `DynamicsOptions`, as `module:function`; loaded by those who use it alone.
-        fixed: plant parameters, numbers, that it cannot vary, and why: their defaults are all it takes.
+        make: what makes a `Dynamics` of `DynamicsOptions`, as `module:function`; loaded by those
+            who use it alone.
+        fixed: plant parameters, numbers, that it cannot vary, and why: their defaults are all it
+            takes.
         loose_bodies: whether it moves objects with loose bodies.
     """
 
@@ -55,11 +57,15 @@ DYNAMICS: dict[str, Backend] = {
     "quasi_dynamic": Backend(
         "First order: one small quadratic program in each step (paper eq. 11).",
         "piec_envs.dynamics.quasi_dynamic:quasi_dynamics",
-        fixed={"mass": "which moves every mass alike", "delay": "whose step is a whole control step"},
+        fixed={
+            "mass": "which moves every mass alike",
+            "delay": "whose step is a whole control step",
+        },
         loose_bodies=False,
     ),
     "mujoco": Backend(
-        "Second order: MuJoCo, the object resting on a table.", "piec_envs.dynamics.mujoco_:mujoco_dynamics"
+        "Second order: MuJoCo, the object resting on a table.",
+        "piec_envs.dynamics.mujoco_:mujoco_dynamics",
     ),
 }
 
@@ -79,9 +85,14 @@ def check_varies(dynamics: str, name: str, value: float, default: float, unit: s
     """
     reason = DYNAMICS[dynamics].fixed.get(name)
     if reason is not None and value != default:
-        able = [f"dynamics={other!r}" for other, backend in DYNAMICS.items() if name not in backend.fixed]
+        able = [
+            f"dynamics={other!r}"
+            for other, backend in DYNAMICS.items()
+            if name not in backend.fixed
+        ]
         raise InvalidParameterError(
-            f"{name} must be {default:g} under dynamics={dynamics!r}, {reason}; got {value:g}{unit} "
+            f"{name} must be {default:g} under dynamics={dynamics!r}, {reason}; got "
+            f"{value:g}{unit} "
             f"(take {' or '.join(able)}, given together with the {name})"
         )
 
@@ -97,10 +108,14 @@ def check_moves(dynamics: str, object_name: str) -> None:
         InvalidParameterError: saying which dynamics can.
     """
     if get_object(object_name).loose and not DYNAMICS[dynamics].loose_bodies:
-        able = [f"dynamics={other!r}" for other, backend in DYNAMICS.items() if backend.loose_bodies]
+        able = [
+            f"dynamics={other!r}" for other, backend in DYNAMICS.items() if backend.loose_bodies
+        ]
         raise InvalidParameterError(
-            f"object {object_name!r} has loose bodies, which dynamics={dynamics!r} cannot move: it knows one object "
-            f"and no table; take {' or '.join(able)}, given together with the object, or an object without loose bodies"
+            f"object {object_name!r} has loose bodies, which dynamics={dynamics!r} cannot move: "
+            f"it knows one object "
+            f"and no table; take {' or '.join(able)}, given together with the object, or an "
+            f"object without loose bodies"
         )
 
 
@@ -114,7 +129,8 @@ class DynamicsByRow:
     name = "by row"
 
     def __init__(self, options: DynamicsOptions | None = None):
-        self._options, self._made = options or DynamicsOptions(), dict[str, Dynamics]()
+        self._options = options or DynamicsOptions()
+        self._made = dict[str, Dynamics]()
 
     def _get(self, name: str) -> Dynamics:
         if name not in self._made:
@@ -144,14 +160,19 @@ class DynamicsByRow:
                 plant.take(rows), None if memory is None else [memory[i] for i in rows],
             )  # fmt: skip
             if whole is None:
-                whole = blank_motion(q_r, q_cmd, pose, commands.values.shape[1], motion.link_distance.shape[2])
+                whole = blank_motion(
+                    q_r, q_cmd, pose, commands.values.shape[1], motion.link_distance.shape[2]
+                )
             _place_rows(whole, rows, motion)
         assert whole is not None  # a batch has rows
         return whole
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
+    def settle(
+        self, q_r: np.ndarray, pose: np.ndarray, plant: Plant
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Where overlapping objects stand when the clock starts; see `Dynamics.settle`."""
-        settled, memory = pose.copy(), [NO_MEMORY] * len(pose)
+        settled = pose.copy()
+        memory = [NO_MEMORY] * len(pose)
         for name, rows in plant.rows_by_dynamics.items():
             settled[rows], kept = self._get(name).settle(q_r[rows], pose[rows], plant.take(rows))
             for row, remembered in zip(rows, kept, strict=True):

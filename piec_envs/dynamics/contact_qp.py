@@ -1,4 +1,5 @@
-"""The contact QP of one quasi-dynamic step (paper eq. 11), as a value object, and its reference solver.
+"""The contact QP of one quasi-dynamic step (paper eq. 11), as a value object, and its reference
+solver.
 
     min over dq   1/2 dq^T Q dq - dq^T b  +  sum_i s_i^2 / (2 c)
     s.t.          A dq + phi + s >= 0
@@ -13,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SCALINGS = (10, 0)  # OSQP's rounds of scaling, its own choice first: some rigid problems it solves without alone
+# OSQP's rounds of scaling, its own choice first: some rigid problems it solves without alone
+SCALINGS = (10, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,8 @@ class ContactProblem:
     def residual(self, solution: ContactSolution) -> float:
         """Largest of |stationarity| / K, violation in m, and complementarity / K."""
         stiffness = self.weight.max()
-        dq, multipliers = solution.step, solution.multipliers
+        dq = solution.step
+        multipliers = solution.multipliers
         stationarity = self.weight * (dq - self.free) - self.rows.T @ multipliers  # (d,)
         margin = self.rows @ dq + self.gap + self.slack_scale * multipliers  # (m,)
         return max(
@@ -71,8 +74,8 @@ class ContactSolution:
 def solve_osqp(problem: ContactProblem) -> ContactSolution:
     """Solve with OSQP, set up afresh: the plain reference.
 
-    The slack is measured in units that make its weight equal to the largest entry of Q. Where OSQP finds no
-    solution its x is a large finite number: the step is then zero, and not `solved`.
+    The slack is measured in units that make its weight equal to the largest entry of Q. Where OSQP
+    finds no solution its x is a large finite number: the step is then zero, and not `solved`.
     """
     import osqp
     from scipy import sparse
@@ -83,7 +86,9 @@ def solve_osqp(problem: ContactProblem) -> ContactSolution:
     c = problem.slack_scale
     unit = 1.0 / np.sqrt(c * problem.weight.max()) if c else 1.0
     slack_weight = problem.weight.max() if c else 0.0
-    P = sparse.diags(np.concatenate([problem.weight, np.full(m if c else 0, slack_weight)]), format="csc")
+    P = sparse.diags(
+        np.concatenate([problem.weight, np.full(m if c else 0, slack_weight)]), format="csc"
+    )
     linear = np.concatenate([-problem.weight * problem.free, np.zeros(m if c else 0)])
     A = sparse.csc_matrix(np.hstack([problem.rows, np.eye(m) / unit]) if c else problem.rows)
     for scaling in SCALINGS:
@@ -93,6 +98,9 @@ def solve_osqp(problem: ContactProblem) -> ContactSolution:
             eps_abs=1e-12, eps_rel=1e-12, max_iter=100_000, scaling=scaling,
         )  # fmt: skip
         result = solver.solve(raise_error=False)
-        if result.info.status_val in (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE):
+        if result.info.status_val in (
+            osqp.SolverStatus.OSQP_SOLVED,
+            osqp.SolverStatus.OSQP_SOLVED_INACCURATE,
+        ):
             return ContactSolution(result.x[:d], np.maximum(-result.y, 0.0))
     return ContactSolution(np.zeros(d), np.zeros(m), solved=False)

@@ -8,7 +8,13 @@ import numpy as np
 
 from piec_envs.dynamics.active_set import DualScratch, make_dual, solve_dual
 from piec_envs.dynamics.contact_model import ContactModel
-from piec_envs.dynamics.contacts import MAX_CONTACTS, Contacts, contact_rows, find_contacts, make_contacts
+from piec_envs.dynamics.contacts import (
+    MAX_CONTACTS,
+    Contacts,
+    contact_rows,
+    find_contacts,
+    make_contacts,
+)
 from piec_envs.dynamics.protocol import CONTROL_PERIOD, POSITION_LIMIT, TOUCH_DISTANCE
 from piec_envs.dynamics.rigid import FAILED
 from piec_envs.geometry.body import Placed, make_placed, place_scene
@@ -68,7 +74,9 @@ def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
         action[j] = a
         command = q_cmd[j] + CONTROL_PERIOD * (a * scene.robot.speed_limit[j])
         if not model.unlimited_lead:
-            command = min(max(command, q[j] - scene.robot.max_lead[j]), q[j] + scene.robot.max_lead[j])
+            command = min(
+                max(command, q[j] - scene.robot.max_lead[j]), q[j] + scene.robot.max_lead[j]
+            )
         new_cmd[j] = min(max(command, scene.robot.lower[j]), scene.robot.upper[j])
 
 
@@ -79,7 +87,9 @@ def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
     margin = np.sqrt(w_x * w_x + w_y * w_y)
     for j in range(n):
         work.free[j] = q_cmd[j] - q[j]
-        margin += scene.robot.reach[j] * max(abs(work.free[j]), CONTROL_PERIOD * scene.robot.speed_limit[j])
+        margin += scene.robot.reach[j] * max(
+            abs(work.free[j]), CONTROL_PERIOD * scene.robot.speed_limit[j]
+        )
     work.free[n], work.free[n + 1], work.free[n + 2] = w_x, w_y, 0.0
     find_contacts(scene, work.placed, MARGIN_FACTOR * margin, work.contacts)
     contact_rows(scene, work.placed.frames, pose, work.contacts, friction, work.rows)
@@ -93,12 +103,14 @@ def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
 
 @inlined_kernel
 def is_physical(model, m, work, gain, push):
-    """Whether lead, displacement and push-out can bring a step: contacts alone bring none, but for overlaps.
+    """Whether lead, displacement and push-out can bring a step: contacts alone bring none, but for
+    overlaps.
 
-    The step d is the minimum of 1/2 |d - f|^2 + g(d), with f = `work.free` and g the cost of the slacks, so that
-    <d - f, d> <= g(0). A row's share of g(0) is gap^2 / (2 c), and c >= compliance / Q_x, since its part in the
-    object's x and y is at least 1. Without compliance <d - f, d> <= |d - f| |e| for every e that pushes the
-    overlaps out: we grant what the joints need at a short lever.
+    The step d is the minimum of 1/2 |d - f|^2 + g(d), with f = `work.free` and g the cost of the
+    slacks, so that <d - f, d> <= g(0). A row's share of g(0) is gap^2 / (2 c), and c >= compliance
+    / Q_x, since its part in the object's x and y is at least 1. Without compliance <d - f, d> <= |d
+    - f| |e| for every e that pushes the overlaps out: we grant what the joints need at a short
+      lever.
 
     Args:
         model: a `ContactModel`.
@@ -121,25 +133,31 @@ def is_physical(model, m, work, gain, push):
     else:
         granted = overlap + TOUCH_DISTANCE * TOUCH_DISTANCE if overlap > 0.0 else 0.0
         bound = np.sqrt(push * granted * stiffest) / SHORT_LEVER
-    return gain <= bound + ROUNDING * (free + bound) + ROUNDING * ROUNDING  # not if it is not a number
+    # not if it is not a number
+    return gain <= bound + ROUNDING * (free + bound) + ROUNDING * ROUNDING
 
 
 @inlined_kernel
 def is_within_bounds(pose):
     """Whether an object is where observations reach; what is not finite is not."""
-    return abs(pose[0]) <= POSITION_LIMIT and abs(pose[1]) <= POSITION_LIMIT and abs(pose[2]) < np.inf
+    return (
+        abs(pose[0]) <= POSITION_LIMIT and abs(pose[1]) <= POSITION_LIMIT and abs(pose[2]) < np.inf
+    )
 
 
 @inlined_kernel
 def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
-    """Solve the QP and integrate; returns the number of positive multipliers, FAILED where no answer is to be had."""
+    """Solve the QP and integrate; returns the number of positive multipliers, FAILED where no
+    answer is to be had.
+    """
     n = q_cmd.shape[0]
     for k in range(touched.shape[0]):
         touched[k] = False
     active = 0
     for i in range(m):
         if work.value[i] < 0.0:
-            # Of the rows that a displacement violates most leave again; of the others nearly all press.
+            # Of the rows that a displacement violates most leave again; of the others nearly all
+            # press.
             calm = work.free[n] == 0.0 and work.free[n + 1] == 0.0
             active = solve_dual(work.rows, m, model.compliance, work.value, calm, work.dual)
             break
@@ -204,10 +222,15 @@ def _rollout_row(scene, model, values, absolute, displacement, friction, work, m
             here[0] += w_x
             here[1] += w_y
             w_x, w_y = 0.0, 0.0
-            place_scene(scene, q_r[t], here, work.placed, distance[t + 1])  # overwritten at the end of the step
-        advance_command(scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1])
+            # overwritten at the end of the step
+            place_scene(scene, q_r[t], here, work.placed, distance[t + 1])
+        advance_command(
+            scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1]
+        )
         m = assemble(scene, model, friction, q_r[t], q_cmd[t + 1], here, w_x, w_y, work)
-        active[t + 1] = _solve_and_move(model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1])
+        active[t + 1] = _solve_and_move(
+            model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1]
+        )
         if active[t + 1] == FAILED:
             _hold(t, motion)
             break
@@ -244,12 +267,21 @@ def rollout_rows(lo, hi, rows, world, values, absolute, displacement, friction, 
         world: from `make_world`.
         values, absolute, displacement: as in `Commands`; displacement may have no steps.
         friction: mu of every row, shape (B,).
-        motion: a `Motion`'s arrays as a tuple, filled in place. A row rests, diverged, from a step on that has no
-            answer, or none to be believed.
+        motion: a `Motion`'s arrays as a tuple, filled in place. A row rests, diverged, from a step
+            on that has no answer, or none to be believed.
     """
     q_r, q_cmd, pose, actions, distance, contact, active, diverged = motion
     scene, model, work = world.value
     for r in range(lo, hi):
         i = rows[r]
-        row = (q_r[i], q_cmd[i], pose[i], actions[i], distance[i], contact[i], active[i], diverged[i])
+        row = (
+            q_r[i],
+            q_cmd[i],
+            pose[i],
+            actions[i],
+            distance[i],
+            contact[i],
+            active[i],
+            diverged[i],
+        )
         _rollout_row(scene, model, values[i], absolute, displacement[i], friction[i], work, row)

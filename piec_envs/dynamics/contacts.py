@@ -67,7 +67,9 @@ def _object_vertices(scene, i, k, placed, nearest, front, reach, contacts):
         x, y = object_vertices[v, 0], object_vertices[v, 1]
         if x * nearest[1] + y * nearest[2] - front + nearest[0] >= reach:
             continue
-        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(robot_vertices, robot.first[i], robot.first[i + 1], x, y)
+        d, c_x, c_y, n_x, n_y, corner = closest_on_polygon(
+            robot_vertices, robot.first[i], robot.first[i + 1], x, y
+        )
         if d >= reach:
             continue
         if corner >= 0:
@@ -75,8 +77,8 @@ def _object_vertices(scene, i, k, placed, nearest, front, reach, contacts):
             if back[5] != v:
                 continue  # the corner is nearer to another part of the object
         _add_contact(
-            contacts, d - r_a - r_b, c_x + r_a * n_x, c_y + r_a * n_y, x - r_b * n_x, y - r_b * n_y, n_x, n_y,
-            robot.frame[i], robot.link[i],
+            contacts, d - r_a - r_b, c_x + r_a * n_x, c_y + r_a * n_y, x - r_b * n_x, y - r_b * n_y,
+            n_x, n_y, robot.frame[i], robot.link[i],
         )  # fmt: skip
 
 
@@ -94,8 +96,8 @@ def _robot_vertices(scene, i, k, placed, nearest, front, reach, contacts):
         if d >= reach or corner >= 0:
             continue  # vertex-to-vertex pairs are found from the object's side
         _add_contact(
-            contacts, d - r_a - r_b, x - r_a * n_x, y - r_a * n_y, c_x + r_b * n_x, c_y + r_b * n_y, -n_x, -n_y,
-            robot.frame[i], robot.link[i],
+            contacts, d - r_a - r_b, x - r_a * n_x, y - r_a * n_y, c_x + r_b * n_x, c_y + r_b * n_y,
+            -n_x, -n_y, robot.frame[i], robot.link[i],
         )  # fmt: skip
 
 
@@ -108,17 +110,18 @@ def _disc_contact(scene, i, k, placed, nearest, contacts):
     r_a, r_b = robot.radius[i], item.radius[k]
     to_robot = core - r_a
     _add_contact(
-        contacts, core - r_a - r_b, x - to_robot * n_x, y - to_robot * n_y, x - r_b * n_x, y - r_b * n_y, n_x, n_y,
-        robot.frame[i], robot.link[i],
+        contacts, core - r_a - r_b, x - to_robot * n_x, y - to_robot * n_y,
+        x - r_b * n_x, y - r_b * n_y, n_x, n_y, robot.frame[i], robot.link[i],
     )  # fmt: skip
 
 
 @inlined_kernel
 def find_contacts(scene, placed, margin, contacts):
-    """Fill `contacts` with all contact points nearer than `margin`: vertices on edges, and mutual pairs of vertices.
+    """Fill `contacts` with all contact points nearer than `margin`: vertices on edges, and mutual
+    pairs of vertices.
 
-    The normal of two shapes' distance is that of a line between them, and a vertex is as far from the
-    other shape as from its front at least: most need no search.
+    The normal of two shapes' distance is that of a line between them, and a vertex is as far from
+    the other shape as from its front at least: most need no search.
 
     Args:
         scene: a `Scene`.

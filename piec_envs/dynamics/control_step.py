@@ -1,4 +1,6 @@
-"""What happens around the engine's own steps: commands, displacements, distances. Compiled, over rows."""
+"""What happens around the engine's own steps: commands, displacements, distances. Compiled, over
+rows.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +8,19 @@ import numpy as np
 
 from piec_envs.dynamics.contact_step import advance_command
 from piec_envs.dynamics.protocol import TOUCH_DISTANCE
-from piec_envs.geometry.body import link_distances, make_placed, place_object, place_robot, place_scene
+from piec_envs.geometry.body import (
+    link_distances,
+    make_placed,
+    place_object,
+    place_robot,
+    place_scene,
+)
 from piec_envs.kernels import batch_kernel, kernel
 
-SHIFT_STEPS = 8  # a displacement is tried in this many equal parts, each shorter than any link is thick
-SHIFT_FAILURES = 8  # from the first part that meets the robot on the parts are halved, until so many more have
+# a displacement is tried in this many equal parts, each shorter than any link is thick
+SHIFT_STEPS = 8
+# from the first part that meets the robot on the parts are halved, until so many more have
+SHIFT_FAILURES = 8
 SHIFT_TRIES = 60  # in all, which bounds the search where no try meets it
 
 
@@ -39,14 +49,24 @@ def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, late, 
         scene: a `Scene`.
         model: a `ContactModel`.
         values, absolute: as in `Commands`.
-        motion: (q_r, q_cmd, actions) of a `Motion`; q_cmd at t + 1 and the actions at t are written.
+        motion: (q_r, q_cmd, actions) of a `Motion`; q_cmd at t + 1 and the actions at t are
+            written.
         late: engine steps from a command to the drives, shape (hi - lo,).
         ctrl: output, what the drives get in each of the engine's steps, shape (hi - lo, M, n).
     """
     q_r, q_cmd, actions = motion
     for r in range(lo, hi):
         i = rows[r]
-        advance_command(scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1])
+        advance_command(
+            scene,
+            model,
+            values[i, t],
+            absolute,
+            q_r[i, t],
+            q_cmd[i, t],
+            actions[i, t],
+            q_cmd[i, t + 1],
+        )
         for m in range(ctrl.shape[1]):
             for j in range(ctrl.shape[2]):
                 ctrl[r - lo, m, j] = q_cmd[i, t, j] if m < late[r - lo] else q_cmd[i, t + 1, j]
@@ -54,7 +74,8 @@ def command_rows(lo, hi, rows, t, scene, model, values, absolute, motion, late, 
 
 @batch_kernel
 def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
-    """Displace the object by w, cut where it would meet the robot (or press on it more than it does).
+    """Displace the object by w, cut where it would meet the robot (or press on it more than it
+    does).
 
     Args:
         lo, hi: range of entries of `rows`.
@@ -80,7 +101,9 @@ def shift_rows(lo, hi, rows, t, scene, displacement, q_r, pose, shifted):
                 if share >= 1.0 or failures > SHIFT_FAILURES:
                     break
                 tried = min(share + part, 1.0)
-                there = _distance_at(scene, x + tried * w_x, y + tried * w_y, angle, moved, placed, distances)
+                there = _distance_at(
+                    scene, x + tried * w_x, y + tried * w_y, angle, moved, placed, distances
+                )
                 if there >= free:
                     share = tried
                 else:

@@ -10,7 +10,9 @@ import numpy as np
 
 from piec_envs.world.objects import Object
 
-PLACE, TWIST = 7, 6  # numbers that place a free body, and of its velocity
+# numbers that place a free body, and of its velocity
+PLACE = 7
+TWIST = 6
 SUNK = 1e-4  # m into the table, about as deep as a prism rests
 SAME_ANGLE = 1e-9  # rad; a quaternion gives an angle back no better
 
@@ -55,7 +57,8 @@ def poses_at_start(item: Object, pose: np.ndarray) -> np.ndarray:
     Returns:
         Shape (k, 3).
     """
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c = np.cos(pose[2])
+    s = np.sin(pose[2])
     beside = np.array([body.pose for body in item.loose]).reshape(-1, 3)  # (k - 1, 3)
     turned = beside[:, :2] @ np.array([[c, s], [-s, c]])  # (k - 1, 2)
     return np.vstack([pose, pose + np.column_stack([turned, beside[:, 2]])])
@@ -64,8 +67,8 @@ def poses_at_start(item: Object, pose: np.ndarray) -> np.ndarray:
 def upright(item: Object, poses: np.ndarray) -> np.ndarray:
     """Places of the object and its loose bodies, standing on the table.
 
-    They begin in it by `SUNK`: at exactly half their height rounding decides which of their corners the engine
-    finds in contact first, and some turn while they come to rest.
+    They begin in it by `SUNK`: at exactly half their height rounding decides which of their corners
+    the engine finds in contact first, and some turn while they come to rest.
 
     Args:
         item: the object.
@@ -76,8 +79,10 @@ def upright(item: Object, poses: np.ndarray) -> np.ndarray:
     """
     places = np.zeros((len(poses), PLACE))
     heights = np.array([item.height, *(body.height for body in item.loose)])[: len(poses)]
-    places[:, :2], places[:, 2] = poses[:, :2], heights / 2 - SUNK
-    places[:, 3], places[:, 6] = np.cos(poses[:, 2] / 2), np.sin(poses[:, 2] / 2)
+    places[:, :2] = poses[:, :2]
+    places[:, 2] = heights / 2 - SUNK
+    places[:, 3] = np.cos(poses[:, 2] / 2)
+    places[:, 6] = np.sin(poses[:, 2] / 2)
     return places
 
 
@@ -96,7 +101,9 @@ def rest_state(item: Object, q_r: np.ndarray, poses: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], q_r, places, np.zeros(len(q_r) + TWIST * len(poses))])
 
 
-def remembered_places(item: Object, q_r: np.ndarray, pose: np.ndarray, memory: np.ndarray) -> np.ndarray | None:
+def remembered_places(
+    item: Object, q_r: np.ndarray, pose: np.ndarray, memory: np.ndarray
+) -> np.ndarray | None:
     """Places of the object and its loose bodies as a row remembers them, shape (k, 7).
 
     Args:
@@ -106,14 +113,20 @@ def remembered_places(item: Object, q_r: np.ndarray, pose: np.ndarray, memory: n
         memory: the row's, a physics state of shape (S,), of any length if it is another's.
 
     Returns:
-        None where the memory does not fit the joints and the pose: they were changed, or it is another's.
+        None where the memory does not fit the joints and the pose: they were changed, or it is
+        another's.
     """
-    n, bodies = len(q_r), 1 + len(item.loose)
+    n = len(q_r)
+    bodies = 1 + len(item.loose)
     if memory.shape != (1 + 2 * n + (PLACE + TWIST) * bodies,):
         return None
     places = places_in(memory, n, bodies)
     known = planar(places[:1], pose[None, 2])[0]
-    fits = (memory[1 : 1 + n] == q_r).all() and (known[:2] == pose[:2]).all() and abs(known[2] - pose[2]) < SAME_ANGLE
+    fits = (
+        (memory[1 : 1 + n] == q_r).all()
+        and (known[:2] == pose[:2]).all()
+        and abs(known[2] - pose[2]) < SAME_ANGLE
+    )
     return places if fits else None
 
 

@@ -1,10 +1,10 @@
 """MuJoCo models of the scenes: the same robots, objects and shapes as everywhere, given a height.
 
-The arm moves in the plane at half the object's height, its links being what the robot says they are in
-space, or else its shapes given a height; the object and its loose bodies are upright prisms that rest
-on a table. Geoms touch through explicit pairs alone, since MuJoCo would otherwise take the larger
-friction of the two: the arm and a body with the scene's mu, a body and the table, and two bodies, with
-frictions of their own.
+The arm moves in the plane at half the object's height, its links being what the robot says they are
+in space, or else its shapes given a height; the object and its loose bodies are upright prisms that
+rest on a table. Geoms touch through explicit pairs alone, since MuJoCo would otherwise take the
+larger friction of the two: the arm and a body with the scene's mu, a body and the table, and two
+bodies, with frictions of their own.
 """
 
 from __future__ import annotations
@@ -25,23 +25,28 @@ from piec_envs.world.shapes import RoundedPolygon
 TIMESTEP = 0.002  # s
 TABLE_FRICTION = 0.3  # between object and table, and loose bodies and table
 OBJECT_FRICTION = 0.4  # between the object and a loose body
-# Time constant (s) and damping ratio, and impedance, of the two kinds of contact. The arm's are as stiff
-# as this time step allows with a margin of two, so that a squeezed object stays within a fraction of a
-# millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks and slips.
+# Time constant (s) and damping ratio, and impedance, of the two kinds of contact. The arm's are as
+# stiff as this time step allows with a margin of two, so that a squeezed object stays within a
+# fraction of a millimetre. The table's are MuJoCo's own: stiffer, and a slowly pushed object sticks
+# and slips.
 ARM_CONTACT = {"solref": (0.008, 1.0), "solimp": (0.95, 0.99, 0.001, 0.5, 2.0)}
 TABLE_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 PALE = 0.3  # opacity of parts that can touch the object in another row of the robot alone
 CARRIAGE = (1.0, 0.01, 0.01, 0.01)  # mass (kg) and inertia (kg m^2) of a frame that carries no link
 SOLID_COLOUR = (0.93, 0.93, 0.95, 1.0)
-LINK_COLOUR, OBJECT_COLOUR, TABLE_COLOUR = (0.42, 0.55, 0.70, 1.0), (0.9, 0.62, 0.1, 1.0), (0.93, 0.93, 0.91, 1.0)
+LINK_COLOUR = (0.42, 0.55, 0.70, 1.0)
+OBJECT_COLOUR = (0.9, 0.62, 0.1, 1.0)
+TABLE_COLOUR = (0.93, 0.93, 0.91, 1.0)
 LOOSE_COLOUR = (0.62, 0.38, 0.22, 1.0)
 RAISED = 5e-4  # m; corners of a prism's base that it does not stand on
-ARC_POINTS = 91  # on each rounded corner of an extruded outline: faces within half a degree of the arc
+# on each rounded corner of an extruded outline: faces within half a degree of the arc
+ARC_POINTS = 91
 
 
 @lru_cache(maxsize=1024)
 def mujoco_model(robot_name: str, object_name: str, friction: float, mass: float = 1.0) -> Any:
-    """The model of a scene, an `mujoco.MjModel` to be treated as read-only: a changed copy of one that is compiled.
+    """The model of a scene, an `mujoco.MjModel` to be treated as read-only: a changed copy of one
+    that is compiled.
 
     Args:
         robot_name: a row of the table of robots.
@@ -58,8 +63,10 @@ def mujoco_model(robot_name: str, object_name: str, friction: float, mass: float
         body = model.body("object").id
         model.body_mass[body] *= mass
         model.body_inertia[body] *= mass
-        mujoco.mj_setConst(model, mujoco.MjData(model))  # what the compiler derives from masses, but for two means
-        model.stat.meanmass, model.stat.meaninertia = model.body_mass[1:].mean(), model.dof_M0.mean()
+        # what the compiler derives from masses, but for two means
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        model.stat.meanmass = model.body_mass[1:].mean()
+        model.stat.meaninertia = model.dof_M0.mean()
     return model
 
 
@@ -72,11 +79,13 @@ def _arm_pairs(model: Any) -> np.ndarray:
     """Which contact pairs are the arm's with a free body, shape (pairs,)."""
     free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
     bodies = model.geom_bodyid[np.stack([model.pair_geom1, model.pair_geom2])]  # (2, pairs)
-    return (np.isin(bodies, free).sum(axis=0) == 1) & (bodies > 0).all(axis=0)  # the world's body, 0, is the table's
+    # the world's body, 0, is the table's
+    return (np.isin(bodies, free).sum(axis=0) == 1) & (bodies > 0).all(axis=0)
 
 
 def build_spec(robot: Robot, item: Object, friction: float) -> Any:
-    """The scene as an `mujoco.MjSpec`; its coordinates are the joints, the object's place, those of loose bodies.
+    """The scene as an `mujoco.MjSpec`; its coordinates are the joints, the object's place, those of
+    loose bodies.
 
     Args:
         robot: the robot.
@@ -93,10 +102,20 @@ def build_spec(robot: Robot, item: Object, friction: float) -> Any:
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # Coulomb's cone itself
     spec.worldbody.add_geom(
-        name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.1], rgba=TABLE_COLOUR, **_NO_COLLISION
+        name="table",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0, 0, 0.1],
+        rgba=TABLE_COLOUR,
+        **_NO_COLLISION,
     )
     links = _add_robot(spec, robot, item.height / 2)
-    bodies = [_add_free(spec, _Part("object", item.shapes, item.mass, OBJECT_COLOUR, is_link=False), item.height / 2)]
+    bodies = [
+        _add_free(
+            spec,
+            _Part("object", item.shapes, item.mass, OBJECT_COLOUR, is_link=False),
+            item.height / 2,
+        )
+    ]
     for k, body in enumerate(item.loose, start=1):
         part = _Part(f"loose {k}", body.shapes, body.mass, LOOSE_COLOUR, is_link=False)
         bodies.append(_add_free(spec, part, body.height / 2))
@@ -123,21 +142,36 @@ def _add_robot(spec: Any, robot: Robot, height: float) -> list[str]:
         kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
         axis = [0, 0, joint.axis[2]] if turns else [*joint.axis[:2], 0]
         body.add_joint(
-            name=joint.name, type=kind, axis=axis, armature=joint.armature,
-            range=[joint.lower, joint.upper], limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        )  # fmt: skip
+            name=joint.name,
+            type=kind,
+            axis=axis,
+            armature=joint.armature,
+            range=[joint.lower, joint.upper],
+            limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        )
         if not any(link.frame == len(frames) for link in (*robot.links, *robot.scenery)):
-            body.mass, body.inertia, body.explicitinertial = CARRIAGE[0], CARRIAGE[1:], True
+            body.mass = CARRIAGE[0]
+            body.inertia = CARRIAGE[1:]
+            body.explicitinertial = True
         frames.append(body)
-        drive = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        drive.gaintype, drive.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        drive = spec.add_actuator(
+            name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        drive.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+        drive.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         drive.gainprm[0] = joint.stiffness
-        drive.biasprm[1], drive.biasprm[2] = -joint.stiffness, -joint.damping
-        drive.forcelimited, drive.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-joint.effort, joint.effort]
+        drive.biasprm[1] = -joint.stiffness
+        drive.biasprm[2] = -joint.damping
+        drive.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        drive.forcerange = [-joint.effort, joint.effort]
     pale = PALE if robot.whole_name != robot.name else 1.0
     for link in robot.scenery:
         _add_link(spec, frames[link.frame], link, height, pale)
-    return [name for link in robot.links for name in _add_link(spec, frames[link.frame], link, height, 1.0)]
+    return [
+        name
+        for link in robot.links
+        for name in _add_link(spec, frames[link.frame], link, height, 1.0)
+    ]
 
 
 def _add_link(spec: Any, body: Any, link: Link, height: float, opacity: float) -> list[str]:
@@ -149,14 +183,20 @@ def _add_link(spec: Any, body: Any, link: Link, height: float, opacity: float) -
 
 
 def _add_solids(spec: Any, body: Any, link: Link, colour: tuple[float, ...]) -> list[str]:
-    """One convex mesh for each solid of a link, with an equal share of its mass; returns their names."""
+    """One convex mesh for each solid of a link, with an equal share of its mass; returns their
+    names.
+    """
     names = [f"{link.name} solid {k}" for k in range(len(link.solids))]
     for name, corners in zip(names, link.solids, strict=True):
         spec.add_mesh(name=name, uservert=corners.ravel())
         body.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=link.mass / len(names),
-            rgba=colour, **_NO_COLLISION,
-        )  # fmt: skip
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=name,
+            mass=link.mass / len(names),
+            rgba=colour,
+            **_NO_COLLISION,
+        )
     return names
 
 
@@ -180,12 +220,19 @@ def _add_free(spec: Any, part: _Part, half: float) -> list[str]:
 
 def _add_part(spec: Any, body: Any, part: _Part, half: float) -> list[str]:
     """One geom for each shape, with its share of the mass by area; returns their names."""
-    total, names = sum(shape.area for shape in part.shapes), []
+    total = sum(shape.area for shape in part.shapes)
+    names = []
     for k, shape in enumerate(part.shapes):
         name = f"{part.name} shape {k}"
         round_link = part.is_link and len(shape.vertices) < 3
         form = _round_form(shape) if round_link else _upright_form(spec, name, shape, half)
-        body.add_geom(name=name, mass=part.mass * shape.area / total, rgba=part.colour, **form, **_NO_COLLISION)
+        body.add_geom(
+            name=name,
+            mass=part.mass * shape.area / total,
+            rgba=part.colour,
+            **form,
+            **_NO_COLLISION,
+        )
         names.append(name)
     return names
 
@@ -194,9 +241,17 @@ def _round_form(shape: RoundedPolygon) -> dict[str, Any]:
     """A sphere or a capsule: links are round in space."""
     r = shape.radius
     if len(shape.vertices) == 1:
-        return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [r, 0, 0], "pos": [*shape.vertices[0], 0]}
+        return {
+            "type": mujoco.mjtGeom.mjGEOM_SPHERE,
+            "size": [r, 0, 0],
+            "pos": [*shape.vertices[0], 0],
+        }
     (x, y), (end_x, end_y) = shape.vertices
-    return {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [r, 0, 0], "fromto": [x, y, 0, end_x, end_y, 0]}
+    return {
+        "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "size": [r, 0, 0],
+        "fromto": [x, y, 0, end_x, end_y, 0],
+    }
 
 
 def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> dict[str, Any]:
@@ -217,16 +272,19 @@ def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> d
         }
     outline = shape.outline(ARC_POINTS)  # (m, 2)
     foot = np.where(_are_feet(len(outline)), -half, RAISED - half)  # (m,)
-    corners = np.concatenate([np.column_stack([outline, foot]), np.column_stack([outline, np.full(len(foot), half)])])
+    corners = np.concatenate(
+        [np.column_stack([outline, foot]), np.column_stack([outline, np.full(len(foot), half)])]
+    )
     spec.add_mesh(name=name, uservert=corners.ravel())
     return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
 
 
 def _are_feet(corners: int) -> np.ndarray:
-    """On which of its corners a prism stands, shape (corners,): two and those across from them, if they are even.
+    """On which of its corners a prism stands, shape (corners,): two and those across from them, if
+    they are even.
 
-    Of more corners than four in contact the engine keeps four, whose middle need not be that of the prism. Resting
-    on them a prism leans, and one that leans creeps.
+    Of more corners than four in contact the engine keeps four, whose middle need not be that of the
+    prism. Resting on them a prism leans, and one that leans creeps.
     """
     feet = np.full(corners, corners % 2 == 1)
     half = corners // 2
@@ -236,9 +294,15 @@ def _are_feet(corners: int) -> np.ndarray:
 
 def _add_pair(spec: Any, first: str, second: str, friction: float, contact: dict[str, Any]) -> None:
     spec.add_pair(
-        name=f"{first} on {second}", geomname1=first, geomname2=second, condim=3,
-        friction=[friction, friction, 0, 0, 0], margin=0.0, gap=0.0, **contact,
-    )  # fmt: skip
+        name=f"{first} on {second}",
+        geomname1=first,
+        geomname2=second,
+        condim=3,
+        friction=[friction, friction, 0, 0, 0],
+        margin=0.0,
+        gap=0.0,
+        **contact,
+    )
 
 
 def _turned(angle: float) -> list[float]:

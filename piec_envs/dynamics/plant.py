@@ -1,8 +1,8 @@
 """What may differ between a planner's model and the plant, defined once.
 
-From the fields of `PlantParams` follow the keyword arguments of the environments, what `set_params` and `randomize`
-take, what `get_params` tells, and the columns that a batch is simulated with. What a dynamics cannot vary stands in
-its row of the table of dynamics.
+From the fields of `PlantParams` follow the keyword arguments of the environments, what `set_params`
+and `randomize` take, what `get_params` tells, and the columns that a batch is simulated with. What
+a dynamics cannot vary stands in its row of the table of dynamics.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ DISTURBANCE_KINDS = ("gaussian", "direction")
 
 
 def _number(default: float, low: float, high: float, unit: str = "") -> Any:
-    """A parameter that is a number. Beyond its range stands a slip of the unit, or a surface better than rubber."""
+    """A parameter that is a number. Beyond its range stands a slip of the unit, or a surface better
+    than rubber.
+    """
     return field(default=default, metadata={"low": low, "high": high, "unit": unit})
 
 
@@ -48,12 +50,14 @@ class PlantParams:
             direction: the paper's bound).
         adversary: speed at which the object flees down the escape-time field, as a fraction of
             the field's u_bar, at most 10.
-        mass: of the object, as a factor (0.01 to 100) of its nominal one, inertia along with it. The
-            quasi-dynamic model is of first order and the same for every mass, so that it takes 1 alone.
+        mass: of the object, as a factor (0.01 to 100) of its nominal one, inertia along with it.
+            The quasi-dynamic model is of first order and the same for every mass, so that it takes
+            1 alone.
         delay: from a command to the drives, s, at most a control step, in steps of 2 ms; until then
             the command before holds. The quasi-dynamic model knows none.
-        inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042, stiff) or
-            "own", as an even solid of its shape. Under MuJoCo it turns as it stands on the table.
+        inertia: how readily the quasi-dynamic model turns the object: "paper" (M_o,theta = 0.042,
+            stiff) or "own", as an even solid of its shape. Under MuJoCo it turns as it stands on
+            the table.
 
     Raises:
         UnknownNameError: for a name in no table.
@@ -79,11 +83,13 @@ class PlantParams:
                 object.__setattr__(self, item.name, _checked_number(item, value))
         for name in DYNAMICS[self.dynamics].fixed:
             item = PARAMETERS[name]
-            check_varies(self.dynamics, name, getattr(self, name), float(item.default), item.metadata["unit"])  # type: ignore[arg-type]
+            default = float(item.default)  # type: ignore[arg-type]
+            check_varies(self.dynamics, name, getattr(self, name), default, item.metadata["unit"])
         check_moves(self.dynamics, self.object)
 
     def replace(self, *changes: Mapping[str, Any]) -> PlantParams:
-        """The same parameters with some changed; what they are together is checked once, at the end.
+        """The same parameters with some changed; what they are together is checked once, at the
+        end.
 
         Args:
             changes: values by name, of which later ones count.
@@ -107,11 +113,15 @@ PARAMETERS = {item.name: item for item in dataclasses.fields(PlantParams)}
 
 def _checked_number(item: dataclasses.Field, given: Any) -> float:
     """A plant parameter that is a number, within its range."""
-    low, high, unit = item.metadata["low"], item.metadata["high"], item.metadata["unit"]
+    low = item.metadata["low"]
+    high = item.metadata["high"]
+    unit = item.metadata["unit"]
     value = plain(given)
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not (number and low <= value <= high):
-        raise InvalidParameterError(f"{item.name} must be from {low:g} to {high:g}{unit}, got {given!r}")
+        raise InvalidParameterError(
+            f"{item.name} must be from {low:g} to {high:g}{unit}, got {given!r}"
+        )
     return float(value)
 
 
@@ -149,11 +159,15 @@ class PlantRows(Sequence[PlantParams]):
 
     def take(self, rows: Sequence[int] | np.ndarray) -> PlantRows:
         """Some of them; all of them in their order are these themselves."""
-        if len(rows) == len(self) and (len(rows) == 1 or np.array_equal(rows, np.arange(len(self)))):
+        if len(rows) == len(self) and (
+            len(rows) == 1 or np.array_equal(rows, np.arange(len(self)))
+        ):
             return self
         return PlantRows(self._rows[int(i)] for i in rows)
 
-    def replaced(self, rows: Sequence[int] | np.ndarray, others: Sequence[PlantParams]) -> PlantRows:
+    def replaced(
+        self, rows: Sequence[int] | np.ndarray, others: Sequence[PlantParams]
+    ) -> PlantRows:
         """The same with other parameters in some rows."""
         changed = list(self._rows)
         for row, params in zip(rows, others, strict=True):
@@ -165,7 +179,8 @@ class PlantRows(Sequence[PlantParams]):
         """One array for each parameter, shape (B,): numbers, or names as objects."""
         return {
             name: np.array(
-                [getattr(params, name) for params in self._rows], dtype=object if "known" in item.metadata else float
+                [getattr(params, name) for params in self._rows],
+                dtype=object if "known" in item.metadata else float,
             )
             for name, item in PARAMETERS.items()
         }
@@ -225,7 +240,9 @@ def draw_params(randomize: Mapping[str, Sequence], rng: np.random.Generator) -> 
     return drawn
 
 
-def check_randomize(randomize: Mapping[str, Sequence] | None, params: PlantParams) -> dict[str, list]:
+def check_randomize(
+    randomize: Mapping[str, Sequence] | None, params: PlantParams
+) -> dict[str, list]:
     """Validate a `randomize` argument and return it as a plain dict of lists.
 
     Args:
@@ -233,13 +250,15 @@ def check_randomize(randomize: Mapping[str, Sequence] | None, params: PlantParam
         params: what the other parameters are.
 
     Raises:
-        InvalidParameterError: if an entry is neither a range [low, high] nor a list of names, or if values
-            that do not fit together could be drawn.
+        InvalidParameterError: if an entry is neither a range [low, high] nor a list of names, or if
+            values that do not fit together could be drawn.
         UnknownNameError: for an unknown parameter or name.
     """
     checked: dict[str, list] = {}
     if not isinstance(randomize, Mapping | None):
-        raise InvalidParameterError(f"randomize must map plant parameters to ranges or lists, got {randomize!r}")
+        raise InvalidParameterError(
+            f"randomize must map plant parameters to ranges or lists, got {randomize!r}"
+        )
     for name, given in (randomize or {}).items():
         choices = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else []
         names = bool(choices) and all(isinstance(choice, str) for choice in choices)

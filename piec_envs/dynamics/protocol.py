@@ -13,9 +13,11 @@ from piec_envs.errors import InvalidStateError
 from piec_envs.world.robots import get_robot
 
 CONTROL_PERIOD = 0.1  # h, s
-POSITION_LIMIT = 10.0  # m from the origin along x and y; an object beyond has diverged, and no observation shows it
+# m from the origin along x and y; an object beyond has diverged, and no observation shows it
+POSITION_LIMIT = 10.0
 TOUCH_DISTANCE = 1e-3  # m; links nearer than this count as in contact
-INERTIAS = ("paper", "own")  # how readily a model of first order turns the object; see `ContactModel.own_inertia`
+# how readily a model of first order turns the object; see `ContactModel.own_inertia`
+INERTIAS = ("paper", "own")
 NO_MEMORY = np.zeros(0)  # of a row whose joints and object pose say everything
 
 
@@ -30,7 +32,8 @@ class Plant:
         dynamics: name of the dynamics of each row, length B; only `DynamicsByRow` asks for it.
         mass: of each row's object, as a factor of its nominal one, shape (B,); None is 1.
         delay: from a command to the drives, shape (B,), s; None is 0.
-        inertia: one of INERTIAS for each row, length B; () is "paper". The quasi-dynamic model alone asks for it.
+        inertia: one of INERTIAS for each row, length B; () is "paper". The quasi-dynamic model
+            alone asks for it.
         accepted: names of the dynamics that have found nothing amiss.
     """
 
@@ -121,8 +124,9 @@ class Motion:
         contact: links in contact, shape (B, N + 1, links); at the start by distance alone.
         active: links that press on the object, or positive contact multipliers where the model has
             them, in each step, shape (B, N + 1); 0 at the start.
-        diverged: whether the simulation has become unstable, its solver has found no answer, or none that can be
-            believed; from then on the row rests in its last good state, shape (B, N + 1).
+        diverged: whether the simulation has become unstable, its solver has found no answer, or
+            none that can be believed; from then on the row rests in its last good state, shape (B,
+            N + 1).
         memory: what the dynamics needs beside joints and object pose to go on from the last state
             (velocities, say), one array for each row.
     """
@@ -184,8 +188,8 @@ class Dynamics(Protocol):
             pose: object pose at the start, shape (B, 3).
             commands: what the robot is told.
             plant: the parameters of each row.
-            memory: of the motion that ended in this start; a row begins at rest where there is none, or
-                where it does not fit the joints and the pose.
+            memory: of the motion that ended in this start; a row begins at rest where there is
+                none, or where it does not fit the joints and the pose.
 
         Returns:
             The motion; row i does not depend on the other rows.
@@ -195,8 +199,11 @@ class Dynamics(Protocol):
         """
         ...
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Where an object that overlaps the robot stands when the clock starts, and its loose bodies.
+    def settle(
+        self, q_r: np.ndarray, pose: np.ndarray, plant: Plant
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Where an object that overlaps the robot stands when the clock starts, and its loose
+        bodies.
 
         Args:
             q_r: joint positions, held meanwhile, shape (B, n).
@@ -209,7 +216,9 @@ class Dynamics(Protocol):
         ...
 
 
-def check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant) -> None:
+def check_shapes(
+    q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands: Commands, plant: Plant
+) -> None:
     """Refuse arrays that do not fit together: compiled code does not check its bounds.
 
     Args:
@@ -221,7 +230,12 @@ def check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands:
     """
     batch, steps, n = commands.values.shape
     free = commands.displacement is None or commands.displacement.shape == (batch, steps, 2)
-    if free and plant.fits(batch, n) and q_r.shape == q_cmd.shape == (batch, n) and pose.shape == (batch, 3):
+    if (
+        free
+        and plant.fits(batch, n)
+        and q_r.shape == q_cmd.shape == (batch, n)
+        and pose.shape == (batch, 3)
+    ):
         return
     for name, array, shape in (
         ("q_r", q_r, (batch, n)),
@@ -236,11 +250,14 @@ def check_shapes(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, commands:
             raise InvalidStateError(f"{name} must have shape {shape}, got {array.shape}")
     if len(plant.objects) != batch or get_robot(plant.robot).dof != n:
         raise InvalidStateError(
-            f"{batch} rows of {n} joints do not fit {len(plant.objects)} objects and robot {plant.robot!r}"
+            f"{batch} rows of {n} joints do not fit {len(plant.objects)} objects and robot "
+            f"{plant.robot!r}"
         )
 
 
-def blank_motion(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, steps: int, links: int) -> Motion:
+def blank_motion(
+    q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, steps: int, links: int
+) -> Motion:
     """A motion of N steps that holds its start alone, to be filled in place; nothing has diverged.
 
     Args:
@@ -251,7 +268,8 @@ def blank_motion(q_r: np.ndarray, q_cmd: np.ndarray, pose: np.ndarray, steps: in
     Returns:
         The motion; from time index 1 on its arrays but `diverged` are not set.
     """
-    (batch, n), times = q_r.shape, steps + 1
+    (batch, n) = q_r.shape
+    times = steps + 1
     joints = np.empty((2, batch, times, n))
     joints[0, :, 0] = q_r
     joints[1, :, 0] = q_cmd

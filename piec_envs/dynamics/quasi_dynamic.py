@@ -11,7 +11,15 @@ import numpy as np
 from piec_envs.dynamics.by_row import DynamicsOptions, check_moves, check_varies
 from piec_envs.dynamics.contact_model import ContactModel
 from piec_envs.dynamics.contact_step import make_world, rollout_rows
-from piec_envs.dynamics.protocol import INERTIAS, NO_MEMORY, Commands, Motion, Plant, blank_motion, check_shapes
+from piec_envs.dynamics.protocol import (
+    INERTIAS,
+    NO_MEMORY,
+    Commands,
+    Motion,
+    Plant,
+    blank_motion,
+    check_shapes,
+)
 from piec_envs.dynamics.reference import rollout_rows_osqp
 from piec_envs.errors import InvalidParameterError, check_name
 from piec_envs.parallel import run_rows
@@ -64,7 +72,9 @@ class QuasiDynamics:
 
     name = "quasi_dynamic"
 
-    def __init__(self, solver: str = "fast", model: ContactModel | None = None, threads: int | None = None):
+    def __init__(
+        self, solver: str = "fast", model: ContactModel | None = None, threads: int | None = None
+    ):
         check_name("solver", solver, SOLVERS)
         model = model or ContactModel()
         if model.compliance < 0 or model.push_out < 0:
@@ -84,19 +94,25 @@ class QuasiDynamics:
     ) -> Motion:
         """Simulate N steps for B rows; see `Dynamics.rollout`.
 
-        A first-order model remembers nothing, and knows neither the object's mass nor what its row of the table says.
+        A first-order model remembers nothing, and knows neither the object's mass nor what its row
+        of the table says.
         """
         check_shapes(q_r, q_cmd, pose, commands, plant)
         if self.name not in plant.accepted:
             self._check_plant(plant)
         batch, steps, _ = commands.values.shape
         motion = blank_motion(q_r, q_cmd, pose, steps, pack_robot(plant.robot).links)
-        arrays = (motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance, motion.contact,
-                  motion.active, motion.diverged)  # fmt: skip
-        displacement = np.zeros((batch, 0, 2)) if commands.displacement is None else commands.displacement
+        arrays = (
+            motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance,
+            motion.contact, motion.active, motion.diverged,
+        )  # fmt: skip
+        displacement = (
+            np.zeros((batch, 0, 2)) if commands.displacement is None else commands.displacement
+        )
         for (name, inertia), rows in plant.rows_by_object_and_inertia.items():
             run_rows(
-                SOLVERS[self.solver], len(rows), self.threads, rows, (plant.robot, name, self._models[inertia]),
+                SOLVERS[self.solver], len(rows), self.threads,
+                rows, (plant.robot, name, self._models[inertia]),
                 commands.values, commands.absolute, displacement, plant.friction, arrays,
                 work=STEP_WORK * len(rows) * steps,
             )  # fmt: skip
@@ -104,12 +120,16 @@ class QuasiDynamics:
 
     def _check_plant(self, plant: Plant) -> None:
         """Refuse a plant that a first-order model cannot follow."""
-        check_varies(self.name, "delay", 0.0 if plant.delay is None else float(plant.delay.max()), 0.0, " s")
+        check_varies(
+            self.name, "delay", 0.0 if plant.delay is None else float(plant.delay.max()), 0.0, " s"
+        )
         for name, _ in plant.rows_by_object_and_inertia:
             check_moves(self.name, name)
         plant.accepted.add(self.name)
 
-    def settle(self, q_r: np.ndarray, pose: np.ndarray, plant: Plant) -> tuple[np.ndarray, list[np.ndarray]]:
+    def settle(
+        self, q_r: np.ndarray, pose: np.ndarray, plant: Plant
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
         """The pose itself: the first steps push an overlap out; see `Dynamics.settle`."""
         return pose, [NO_MEMORY] * len(pose)
 

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from piec_envs.dynamics.contact_qp import ContactProblem, solve_osqp
-from piec_envs.dynamics.contact_step import advance_command, assemble, is_physical, is_within_bounds, make_workspace
+from piec_envs.dynamics.contact_step import (
+    advance_command,
+    assemble,
+    is_physical,
+    is_within_bounds,
+    make_workspace,
+)
 from piec_envs.dynamics.protocol import TOUCH_DISTANCE
 from piec_envs.geometry.body import place_scene
 
@@ -31,11 +37,21 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
             if model.state_noise:
                 here[:2] += w
                 w = np.zeros(2)
-            place_scene(scene, q_r[i, t], here, work.placed, distance[i, t + 1])  # overwritten at the end of the step
+            # overwritten at the end of the step
+            place_scene(scene, q_r[i, t], here, work.placed, distance[i, t + 1])
             advance_command(
-                scene, model, values[i, t], absolute, q_r[i, t], q_cmd[i, t], actions[i, t], q_cmd[i, t + 1]
+                scene,
+                model,
+                values[i, t],
+                absolute,
+                q_r[i, t],
+                q_cmd[i, t],
+                actions[i, t],
+                q_cmd[i, t + 1],
             )
-            problem = assemble_problem(scene, model, friction[i], q_r[i, t], q_cmd[i, t + 1], here, w, work)
+            problem = assemble_problem(
+                scene, model, friction[i], q_r[i, t], q_cmd[i, t + 1], here, w, work
+            )
             solution = solve_osqp(problem)
             if not _is_believable(model, problem, solution, here, work):
                 for array in (q_r, q_cmd, pose, distance, contact):
@@ -54,14 +70,18 @@ def rollout_rows_osqp(lo, hi, rows, scene, model, values, absolute, displacement
 
 
 def _is_believable(model, problem, solution, pose, work) -> bool:
-    """Whether the step is an answer that lead, displacement and push-out can bring, to a place within bounds."""
+    """Whether the step is an answer that lead, displacement and push-out can bring, to a place
+    within bounds.
+    """
     moved = solution.step - problem.free  # by the contacts
     gain, push = (float((problem.weight * moved) @ other) for other in (solution.step, moved))
     physical = is_physical(model, len(problem.gap), work, gain, push)
     return solution.solved and physical and is_within_bounds(pose + solution.step[-3:])
 
 
-def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=None) -> ContactProblem:
+def assemble_problem(
+    scene, model, friction, q, q_cmd, pose, displacement, work=None
+) -> ContactProblem:
     """The contact QP of one step as a value object.
 
     Args:
@@ -81,4 +101,6 @@ def assemble_problem(scene, model, friction, q, q_cmd, pose, displacement, work=
         place_scene(scene, q, pose, work.placed, np.empty(scene.robot.links))
     m = assemble(scene, model, friction, q, q_cmd, pose, displacement[0], displacement[1], work)
     gap = np.maximum(np.repeat(work.contacts.gap[: m // 2], 2), -model.push_out)
-    return ContactProblem(work.weight.copy(), work.free.copy(), work.rows[:m].copy(), gap, model.compliance)
+    return ContactProblem(
+        work.weight.copy(), work.free.copy(), work.rows[:m].copy(), gap, model.compliance
+    )

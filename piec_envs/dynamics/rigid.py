@@ -1,7 +1,9 @@
-"""What the active-set method does besides where nothing gives: rows that depend on each other, and answers to doubt.
+"""What the active-set method does besides where nothing gives: rows that depend on each other, and
+answers to doubt.
 
-Four rows of two points on one face, or those of an object pinched between links, depend on each other. With
-compliance each row still has a part of its own; without, the pivot of a dependent row is rounding noise.
+Four rows of two points on one face, or those of an object pinched between links, depend on each
+other. With compliance each row still has a part of its own; without, the pivot of a dependent row
+is rounding noise.
 """
 
 from __future__ import annotations
@@ -11,9 +13,11 @@ import numpy as np
 from piec_envs.kernels import inlined_kernel
 
 FAILED = -1  # in place of a number of rows
-NOISE = 1e-13  # a row whose part off the others has at most this share of its square depends on them
+# a row whose part off the others has at most this share of its square depends on them
+NOISE = 1e-13
 SHARE = 1e-9  # less of a row in another is rounding noise
-RIGID_RESIDUAL = 1e-9  # m; largest violation, or gap under pressure, of an answer that is taken for one
+# m; largest violation, or gap under pressure, of an answer that is taken for one
+RIGID_RESIDUAL = 1e-9
 
 
 @inlined_kernel
@@ -25,14 +29,16 @@ def _depends(p, dual):
 
 @inlined_kernel
 def _exchange(p, dual):
-    """Let the last of the p passive rows, which depends on those before it, take the place of one of them.
+    """Let the last of the p passive rows, which depends on those before it, take the place of one
+    of them.
 
-    With a = sum_k share_k a_k the step stays the same while the last multiplier grows by t and the others
-    fall by t share_k; the dual falls as long as none turns negative (Goldfarb and Idnani 1983, step 2c).
+    With a = sum_k share_k a_k the step stays the same while the last multiplier grows by t and the
+    others fall by t share_k; the dual falls as long as none turns negative (Goldfarb and Idnani
+    1983, step 2c).
 
     Returns:
-        Position from which the factor is not known any more; -1 where no row can leave: the constraints
-        contradict each other.
+        Position from which the factor is not known any more; -1 where no row can leave: the
+        constraints contradict each other.
     """
     last, share, passive = p - 1, dual.z, dual.passive
     for i in range(last):
@@ -58,15 +64,16 @@ def _exchange(p, dual):
 
 @inlined_kernel
 def give_way(p, dual):
-    """Let the last of the p passive rows take the place of another one where it depends on the others.
+    """Let the last of the p passive rows take the place of another one where it depends on the
+    others.
 
     Args:
         p: size of the passive set, whose factor is known.
         dual: the scratch of `active_set`.
 
     Returns:
-        (begin, p): the first position whose factor is not known, and the set's size; begin is -1 where the
-        constraints contradict each other.
+        (begin, p): the first position whose factor is not known, and the set's size; begin is -1
+        where the constraints contradict each other.
     """
     if _depends(p, dual):
         return _exchange(p, dual), p - 1
@@ -75,7 +82,9 @@ def give_way(p, dual):
 
 @inlined_kernel
 def is_answer(m, p, dual):
-    """Whether no row is violated, and those that press are closed; the rest of the KKT conditions hold as computed."""
+    """Whether no row is violated, and those that press are closed; the rest of the KKT conditions
+    hold as computed.
+    """
     worst = 0.0
     for i in range(m):
         worst = max(worst, -dual.value[i])

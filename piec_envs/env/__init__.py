@@ -1,1 +1,3 @@
-"""The environments: the keyword arguments, the episodes, and Gymnasium's two classes around them."""
+"""The environments: the keyword arguments, the episodes, and Gymnasium's two classes around
+them.
+"""

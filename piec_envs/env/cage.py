@@ -28,19 +28,21 @@ from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
 REACH = 0.4  # m; farther from the base few postures enclose anything
-BASE_ROOM = 0.06  # m between the first axis and a drawn object: half the width of a slim first link and a little more
+# m between the first axis and a drawn object: half the width of a slim first link and a little more
+BASE_ROOM = 0.06
 
 
 @dataclass(frozen=True)
 class CageConfig:
-    """All keyword arguments of a static caging environment except those that Gymnasium itself takes.
+    """All keyword arguments of a static caging environment except those that Gymnasium itself
+    takes.
 
     Args:
         robot: row of the table of robots; the environment's id decides it.
         object: row of the table of objects.
         pose: the object's x, y, angle in every episode; None draws it.
-        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best.
-            Its wall must leak.
+        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's
+            best. Its wall must leak.
         reduce: "mean" or "max" over the key points.
         threads: threads of a batch; None takes all cores.
 
@@ -63,11 +65,13 @@ class CageConfig:
             as_count("threads", self.threads)
         if not isinstance(self.escape_field, str | Mapping):
             raise InvalidParameterError(
-                f"escape_field must be a name or a mapping of options with a name, got {self.escape_field!r}"
+                f"escape_field must be a name or a mapping of options with a name, got "
+                f"{self.escape_field!r}"
             )
         object.__setattr__(self, "escape_field", resolve_field(self.escape_field, self.robot))
         pose = (REACH, 0.0, 0.0) if self.pose is None else self.checked_pose(self.pose)
-        self.make_problem(np.array(pose), self.make_field())  # refuses what no problem can be made of
+        # refuses what no problem can be made of
+        self.make_problem(np.array(pose), self.make_field())
         object.__setattr__(self, "pose", None if self.pose is None else pose)
 
     @classmethod
@@ -77,7 +81,11 @@ class CageConfig:
 
     def checked_pose(self, pose: Any) -> tuple[float, ...]:
         """An object pose as three floats."""
-        return tuple(as_floats("pose (x and y in m, angle in rad)", pose, (3,), InvalidParameterError).tolist())
+        return tuple(
+            as_floats(
+                "pose (x and y in m, angle in rad)", pose, (3,), InvalidParameterError
+            ).tolist()
+        )
 
     def make_field(self) -> EscapeField:
         """The escape field."""
@@ -90,14 +98,16 @@ class CageConfig:
 
     def make_problem(self, pose: np.ndarray, field: EscapeField) -> CagingProblem:
         """The problem for a pose (3,), or for one pose in each row (B, 3)."""
-        return CagingProblem(self.robot, self.object, pose, field, self.reduce, threads=self.threads)
+        return CagingProblem(
+            self.robot, self.object, pose, field, self.reduce, threads=self.threads
+        )
 
 
 class CageEpisodes:
     """B episodes of static caging.
 
-    Its present: `pose` (B, 3), `q_r` (B, n), `done` (B,), `escape_time` (B,) s, `value` (B,) s, `phi`
-    (B, m) m, and `enclosed` (B,).
+    Its present: `pose` (B, 3), `q_r` (B, n), `done` (B,), `escape_time` (B,) s, `value` (B,) s,
+    `phi` (B, m) m, and `enclosed` (B,).
 
     Args:
         config: the environment's keyword arguments.
@@ -108,22 +118,35 @@ class CageEpisodes:
     length = None  # the first step ends an episode
 
     def __init__(self, config: CageConfig, rows: int, dtype: np.dtype):
-        self.config, self.rows, self._dtype = config, rows, dtype
+        self.config = config
+        self.rows = rows
+        self._dtype = dtype
         self.robot = get_robot(config.robot)
-        self.field, self._hard = config.make_field(), config.make_hard_field()
+        self.field = config.make_field()
+        self._hard = config.make_hard_field()
         self._item = get_object(config.object)
-        self.lower, self.upper = self.robot.joint_array("lower"), self.robot.joint_array("upper")
-        self.pose, self.q_r = np.tile([REACH, 0.0, 0.0], (rows, 1)), np.tile(self.robot.home, (rows, 1))
-        self.done, self.enclosed = np.zeros(rows, dtype=bool), np.zeros(rows, dtype=bool)
+        self.lower = self.robot.joint_array("lower")
+        self.upper = self.robot.joint_array("upper")
+        self.pose = np.tile([REACH, 0.0, 0.0], (rows, 1))
+        self.q_r = np.tile(self.robot.home, (rows, 1))
+        self.done = np.zeros(rows, dtype=bool)
+        self.enclosed = np.zeros(rows, dtype=bool)
         problem = config.make_problem(self.pose[0], self.field)
-        self.object_rows, count = problem.object_rows, problem.object_rows + len(problem.pairs)
-        self.escape_time, self.value, self.phi = np.zeros(rows), np.zeros(rows), np.zeros((rows, count))
+        self.object_rows = problem.object_rows
+        count = problem.object_rows + len(problem.pairs)
+        self.escape_time = np.zeros(rows)
+        self.value = np.zeros(rows)
+        self.phi = np.zeros((rows, count))
         radius = self.robot.workspace_radius
         bound = np.array([radius, radius, 1.0, 1.0], dtype=dtype)
         self.observation_space: spaces.Space = spaces.Box(-bound, bound, dtype=dtype)
-        self.action_space: spaces.Space = spaces.Box(-1.0, 1.0, (self.robot.dof,), dtype=np.dtype("float64"))
+        self.action_space: spaces.Space = spaces.Box(
+            -1.0, 1.0, (self.robot.dof,), dtype=np.dtype("float64")
+        )
 
-    def reset(self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None) -> None:
+    def reset(
+        self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None
+    ) -> None:
         """Begin new episodes in some rows, with the arm at home.
 
         Args:
@@ -141,7 +164,8 @@ class CageEpisodes:
         fixed = self.config.pose if given is None else self.config.checked_pose(given)
         pose = np.array([self._draw_pose(seed) if fixed is None else fixed for seed in seeds])
         self.config.make_problem(pose, self.field)  # refuses before anything is written
-        self.pose[rows], self.q_r[rows] = pose, self.robot.home
+        self.pose[rows] = pose
+        self.q_r[rows] = self.robot.home
         self.done[rows] = self.enclosed[rows] = False
         self._judge(rows)
 
@@ -149,15 +173,18 @@ class CageEpisodes:
         """A pose drawn evenly from the ring around the base, at any angle."""
         rng = np.random.default_rng(seed)
         least = self._item.bounding_radius + BASE_ROOM
-        radius, bearing = np.sqrt(rng.uniform(least**2, REACH**2)), rng.uniform(-np.pi, np.pi)
-        return np.array([radius * np.cos(bearing), radius * np.sin(bearing), rng.uniform(-np.pi, np.pi)])
+        radius = np.sqrt(rng.uniform(least**2, REACH**2))
+        bearing = rng.uniform(-np.pi, np.pi)
+        return np.array(
+            [radius * np.cos(bearing), radius * np.sin(bearing), rng.uniform(-np.pi, np.pi)]
+        )
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Take the posture that each action stands for; rows that have ended stay as they are.
 
         Args:
-            actions: finite, shape (B, n), in [-1, 1] from the lower to the upper joint limits; who takes
-                them from the user checks them.
+            actions: finite, shape (B, n), in [-1, 1] from the lower to the upper joint limits; who
+                takes them from the user checks them.
 
         Returns:
             Observations, and rewards of shape (B,): 0.02 times the value that planners maximise.
@@ -169,14 +196,18 @@ class CageEpisodes:
         self.q_r[rows] = (1.0 - share) * self.lower + share * self.upper
         self._judge(rows)
         # One enclosed key point holds the whole object.
-        times = object_escape_time(self._hard, self._item.key_points, self.pose[rows], self.q_r[rows], "max")
+        times = object_escape_time(
+            self._hard, self._item.key_points, self.pose[rows], self.q_r[rows], "max"
+        )
         self.enclosed[rows] = np.isinf(times)
         self.done[rows] = True
         return self.observe(), CAGING_SCALE * self.value
 
     def _judge(self, rows: np.ndarray) -> None:
         judged = self.config.make_problem(self.pose[rows], self.field).measure(self.q_r[rows])
-        self.escape_time[rows], self.value[rows], self.phi[rows] = judged.escape_time, judged.value, judged.phi
+        self.escape_time[rows] = judged.escape_time
+        self.value[rows] = judged.value
+        self.phi[rows] = judged.phi
 
     def observe(self) -> np.ndarray:
         """Object x, y (m), cos and sin of its angle, shape (B, 4)."""
@@ -191,7 +222,8 @@ class CageEpisodes:
     def info(self) -> dict[str, np.ndarray]:
         """Info of all rows at present, fresh arrays."""
         distance = self.phi[:, : self.object_rows].min(axis=1)
-        own = self.phi[:, self.object_rows :].min(axis=1, initial=10.0)  # m; 10 where no links can meet
+        # m; 10 where no links can meet
+        own = self.phi[:, self.object_rows :].min(axis=1, initial=10.0)
         return {
             "is_success": self.enclosed & (self.phi.min(axis=1) >= -FEASIBLE),
             "enclosed": self.enclosed.copy(),
@@ -214,5 +246,13 @@ class CageEpisodes:
         speed = getattr(self.field, "speed", SpeedModel())
         time = float(self.escape_time[row])
         return renderer.posture(
-            Caged(self.config.robot, self.config.object, self.q_r[row], self.pose[row], speed, time, enclosed)
+            Caged(
+                self.config.robot,
+                self.config.object,
+                self.q_r[row],
+                self.pose[row],
+                speed,
+                time,
+                enclosed,
+            )
         )

@@ -20,7 +20,8 @@ from piec_envs.model.start_postures import checked_start, start_posture
 from piec_envs.model.task import PAPER_PRESETS, PRESETS, PRIORS, CostWeights, check_weight, get_task
 from piec_envs.plain import make_plain
 
-DEFAULT_ESCAPE_EVERY: dict[str | None, int] = {"grid": 10}  # a learned field is refreshed at every step
+# a learned field is refreshed at every step
+DEFAULT_ESCAPE_EVERY: dict[str | None, int] = {"grid": 10}
 NOISE_ENTRIES = ("qp", "state")
 START_NOISE_BOUND = (1.0, np.pi)  # m, rad
 
@@ -31,26 +32,31 @@ class EnvConfig(PlantParams):
 
     Args:
         task: row of the table of tasks.
-        dynamics, object, friction, disturbance, disturbance_kind, adversary, mass, delay, inertia: the plant's, as
-            in `PlantParams`; the object "auto" is the task's.
+        dynamics, object, friction, disturbance, disturbance_kind, adversary, mass, delay, inertia:
+            the plant's, as in `PlantParams`; the object "auto" is the task's.
         solver: "fast" or "osqp", for the quasi-dynamic model.
         start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
         randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.
-        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's best,
-            a table for few joints, else a network where weights ship, else a grid; None computes none.
-        escape_every: steps between two refreshes of the escape time; None takes the field's default.
+        escape_field: name of the escape field, or its options with a "name"; "auto" is the robot's
+            best, a table for few joints, else a network where weights ship, else a grid; None
+            computes none.
+        escape_every: steps between two refreshes of the escape time; None takes the field's
+            default.
         prior: "caging", "contact", "proximity" or None; "auto" is caging where a field is computed.
-        goal: centre of the goal region, (x, y) in m, where the arm can bring the object; None takes the task's.
+        goal: centre of the goal region, (x, y) in m, where the arm can bring the object; None takes
+            the task's.
         goal_conditioned: False, or True (sparse reward) or "dense", for dictionary observations.
-        action_repeat: control steps of 0.1 s that one action lasts; their rewards add up, or the last counts
-            if `goal_conditioned`.
-        preset: weights of the stage cost and settings of the contact model: "default"; "paper", the paper's
-            to the letter; or "paper-miss", those with the default's weight on a miss of the goal region.
+        action_repeat: control steps of 0.1 s that one action lasts; their rewards add up, or the
+            last counts if `goal_conditioned`.
+        preset: weights of the stage cost and settings of the contact model: "default"; "paper", the
+            paper's to the letter; or "paper-miss", those with the default's weight on a miss of the
+            goal region.
         weights: changes to the preset's weights.
         noise_entry: "qp" (a displacement pushes against the arm) or "state" (the pose is displaced,
             then repaired), for the quasi-dynamic model.
-        start: the arm's posture at the start: joint positions in rad and m, or a name: "home" or a row of
-            the table of starts for this robot; "auto" is the table's first, or "home" where it has none.
+        start: the arm's posture at the start: joint positions in rad and m, or a name: "home" or a
+            row of the table of starts for this robot; "auto" is the table's first, or "home" where
+            it has none.
         threads: threads of a batch; None takes all cores.
         robot: row of the table of robots; "auto" is the task's.
 
@@ -99,7 +105,8 @@ class EnvConfig(PlantParams):
         noise = as_floats("start_noise (m, rad)", self.start_noise, (2,), InvalidParameterError)
         if (noise < 0).any() or (noise > START_NOISE_BOUND).any():
             raise InvalidParameterError(
-                f"start_noise must be at least 0 and at most {START_NOISE_BOUND[0]:g} m and pi rad, "
+                f"start_noise must be at least 0 and at most {START_NOISE_BOUND[0]:g} m and pi "
+                f"rad, "
                 f"got {self.start_noise!r}"
             )
         # As JSON would bring them back, so that a round trip gives an equal config.
@@ -111,23 +118,29 @@ class EnvConfig(PlantParams):
                 as_count(name, getattr(self, name))
         as_count("action_repeat", self.action_repeat)
         if task.horizon % self.action_repeat:
-            raise InvalidParameterError(f"action_repeat must divide {task.horizon}, got {self.action_repeat}")
+            raise InvalidParameterError(
+                f"action_repeat must divide {task.horizon}, got {self.action_repeat}"
+            )
         self._check_field()
 
     def _checked_goal(self) -> tuple[float, ...]:
         least, most = goal_ring(self.robot, self.object)
-        bounds = f"within {most:g} m of the origin" + (f" and at least {least:.3g} m from it" if least > 0 else "")
+        bounds = f"within {most:g} m of the origin" + (
+            f" and at least {least:.3g} m from it" if least > 0 else ""
+        )
         goal = as_floats(f"goal, (x, y) {bounds},", self.goal, (2,), InvalidParameterError)
         if not least <= np.linalg.norm(goal) <= most:
             raise InvalidParameterError(
-                f"goal must be (x, y) {bounds}, where {self.robot!r} can bring {self.object!r}, got {self.goal!r}"
+                f"goal must be (x, y) {bounds}, where {self.robot!r} can bring {self.object!r}, "
+                f"got {self.goal!r}"
             )
         return tuple(goal.tolist())
 
     def _check_field(self) -> None:
         if not isinstance(self.escape_field, str | Mapping | None):
             raise InvalidParameterError(
-                f"escape_field must be a name, a mapping of options with a name, or None, got {self.escape_field!r}"
+                f"escape_field must be a name, a mapping of options with a name, or None, got "
+                f"{self.escape_field!r}"
             )
         check_name("escape field", self._field_name, (*FIELDS, None))
 
@@ -139,7 +152,9 @@ class EnvConfig(PlantParams):
 
     @classmethod
     def field_names(cls) -> list[str]:
-        """Names of all keyword arguments but the task and the robot, which an environment decides."""
+        """Names of all keyword arguments but the task and the robot, which an environment
+        decides.
+        """
         return [item.name for item in dataclasses.fields(cls) if item.name not in ("task", "robot")]
 
     @property
@@ -158,7 +173,9 @@ class EnvConfig(PlantParams):
             check_name("weight", name, CostWeights._fields)
             check_weight(name, value)
         kinds = base._asdict()  # the kernels want floats where the preset has floats
-        return base._replace(**{name: type(kinds[name])(value) for name, value in (self.weights or {}).items()})
+        return base._replace(
+            **{name: type(kinds[name])(value) for name, value in (self.weights or {}).items()}
+        )
 
     @property
     def contact_model(self) -> ContactModel:

@@ -37,12 +37,16 @@ class Episodes(Protocol):
         """Actions of a whole episode; None where the task itself ends it."""
         ...
 
-    def reset(self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None) -> None:
+    def reset(
+        self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None
+    ) -> None:
         """Begin new episodes in some rows."""
         ...
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray]:
-        """Advance all rows by one action (B, n), which has been checked; returns observations and rewards (B,)."""
+        """Advance all rows by one action (B, n), which has been checked; returns observations and
+        rewards (B,).
+        """
         ...
 
     def observe(self) -> Any:
@@ -50,7 +54,9 @@ class Episodes(Protocol):
         ...
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which episodes have ended by themselves, and which are cut short whatever their length, shape (B,) each."""
+        """Which episodes have ended by themselves, and which are cut short whatever their length,
+        shape (B,) each.
+        """
         ...
 
     def info(self) -> dict[str, np.ndarray]:
@@ -76,26 +82,34 @@ class MotionEpisodes:
     """
 
     def __init__(self, config: EnvConfig, rows: int, dtype: np.dtype):
-        self.config, self.rows = config, rows
+        self.config = config
+        self.rows = rows
         self.model = Model(config.resolve())
         self.field = self.model.field
         self.params = config.params  # nominal plant parameters of the episodes to come
         self.state = State.zeros(rows, self.model.robot.dof)
         links = len(self.model.robot.links)
         self.measured = Measured(
-            np.zeros((rows, links)), np.zeros((rows, links), dtype=bool), np.zeros((rows, len(MEASURES)))
+            np.zeros((rows, links)),
+            np.zeros((rows, links), dtype=bool),
+            np.zeros((rows, len(MEASURES))),
         )  # of the state
         self._noise: np.ndarray | None = None
         self._dtype = dtype
         self._dense = config.goal_conditioned == "dense"
-        self.action_space = spaces.Box(-1.0, 1.0, (self.model.robot.dof,), dtype=np.dtype("float64"))
+        self.action_space = spaces.Box(
+            -1.0, 1.0, (self.model.robot.dof,), dtype=np.dtype("float64")
+        )
         self.observation_space = self._observation_space()
-        if config.goal_conditioned:  # others have no such attribute, by which HER would take them for goal-conditioned
+        # others have no such attribute, by which HER would take them for goal-conditioned
+        if config.goal_conditioned:
             self.compute_reward = self._compute_reward
 
     @property
     def length(self) -> int:
-        """Actions of an episode: the task's horizon is where time runs out and the cost of its end is due."""
+        """Actions of an episode: the task's horizon is where time runs out and the cost of its end
+        is due.
+        """
         return self.model.task.horizon // self.config.action_repeat
 
     def _observation_space(self) -> spaces.Space:
@@ -122,11 +136,15 @@ class MotionEpisodes:
         self.params = self.model.check_params(self.params.replace(params))
 
     def get_params(self) -> dict[str, np.ndarray]:
-        """The plant parameters in force, one entry for each row, and "start", the object's pose, shape (B, 3)."""
+        """The plant parameters in force, one entry for each row, and "start", the object's pose,
+        shape (B, 3).
+        """
         columns = {name: values.copy() for name, values in self.state.params.columns.items()}
         return columns | {"start": self.state.start.copy()}
 
-    def reset(self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None) -> None:
+    def reset(
+        self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None
+    ) -> None:
         """Begin new episodes in some rows.
 
         Args:
@@ -137,7 +155,8 @@ class MotionEpisodes:
         given = (options or {}).get("state")
         if isinstance(given, State):
             given.check(given.rows if given.rows == 1 else self.rows, self.model.robot)
-        begun = self.model.begin(seeds, self.params, options, rows)  # nothing is written until all rows are good
+        # nothing is written until all rows are good
+        begun = self.model.begin(seeds, self.params, options, rows)
         self.measured = self.measured.put(rows, self.model.measure(begun).last)
         self.state.put(rows, begun)
         self._redraw(rows)
@@ -178,10 +197,13 @@ class MotionEpisodes:
         if self.config.action_repeat > 1:
             values = np.repeat(values, self.config.action_repeat, axis=1)
         rollout = self.model.simulate(self.state, values, False, self._noise)
-        self.state, self.measured = rollout.final, rollout.last
+        self.state = rollout.final
+        self.measured = rollout.last
         observation = self.observe()
         if self.config.goal_conditioned:
-            return observation, self._compute_reward(observation["achieved_goal"], observation["desired_goal"])
+            return observation, self._compute_reward(
+                observation["achieved_goal"], observation["desired_goal"]
+            )
         return observation, -REWARD_SCALE * rollout.cost
 
     # --- what is shown -----------------------------------------------------------------------
@@ -193,10 +215,18 @@ class MotionEpisodes:
             return flat
         place = self.state.pose[:, :2].clip(-POSITION_BOUND, POSITION_BOUND)
         desired = np.repeat(self.model.task.goal[None].astype(self._dtype), len(flat), axis=0)
-        return {"observation": flat, "achieved_goal": place.astype(self._dtype), "desired_goal": desired}
+        return {
+            "observation": flat,
+            "achieved_goal": place.astype(self._dtype),
+            "desired_goal": desired,
+        }
 
-    def _compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any = None) -> Any:
-        """Reward of reaching `achieved_goal` (..., 2) when `desired_goal` (..., 2) was asked for."""
+    def _compute_reward(
+        self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any = None
+    ) -> Any:
+        """Reward of reaching `achieved_goal` (..., 2) when `desired_goal` (..., 2) was
+        asked for.
+        """
         offset = np.asarray(achieved_goal, dtype=float) - np.asarray(desired_goal, dtype=float)
         square = offset[..., 0] * offset[..., 0] + offset[..., 1] * offset[..., 1]
         if self._dense:
@@ -206,23 +236,31 @@ class MotionEpisodes:
         return float(reward) if np.ndim(reward) == 0 else reward
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """None has reached an end of its task; at the horizon, or once diverged, one is truncated, shape (B,) each."""
+        """None has reached an end of its task; at the horizon, or once diverged, one is truncated,
+        shape (B,) each.
+        """
         cut = self.state.diverged | (self.state.step >= self.model.task.horizon)
         return np.zeros(self.rows, dtype=bool), cut
 
     def single_info(self) -> dict[str, Any]:
         """Info of the only row, without the axis of rows."""
-        return single_info(self.state, self.measured, self.model.task.tracks, self.model.field is not None)
+        return single_info(
+            self.state, self.measured, self.model.task.tracks, self.model.field is not None
+        )
 
     def info(self) -> dict[str, np.ndarray]:
         """Info of all rows at present."""
-        return motion_info(self.state, self.measured, self.model.task.tracks, self.model.field is not None)
+        return motion_info(
+            self.state, self.measured, self.model.task.tracks, self.model.field is not None
+        )
 
     def frame(self, renderer: Any, row: int, trail: np.ndarray | None) -> np.ndarray:
         """A picture of one row's present, shape (height, width, 3), uint8."""
         return renderer.frame(self.model, self.state, self.measured, row, trail)
 
-    def rollout(self, state: State, path: np.ndarray | None, controls: np.ndarray | None) -> Rollout:
+    def rollout(
+        self, state: State, path: np.ndarray | None, controls: np.ndarray | None
+    ) -> Rollout:
         """Roll out joint paths or controls; see `Env.rollout`."""
         values = path if controls is None else controls
         if values is None or (path is not None and controls is not None):

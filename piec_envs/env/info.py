@@ -1,4 +1,5 @@
-"""The `info` of episodes: numbers alone, the same keys at reset and at every step, fresh arrays each time.
+"""The `info` of episodes: numbers alone, the same keys at reset and at every step, fresh arrays
+each time.
 
 What stays the same through an episode, names among it, is told on request: `get_params`.
 """
@@ -16,12 +17,17 @@ from piec_envs.model.state import State
 from piec_envs.model.task import TRACKING_TOLERANCE
 from piec_envs.model.terms import MEASURE_COLUMNS, MEASURES
 
-REPORTED = tuple(measure.name for measure in MEASURES if measure.name not in ("cost", "tracking_error"))
+REPORTED = tuple(
+    measure.name for measure in MEASURES if measure.name not in ("cost", "tracking_error")
+)
 _PLACES = tuple((name, MEASURE_COLUMNS[name]) for name in REPORTED)
-_D2G, _ERROR = MEASURE_COLUMNS["d2g"], MEASURE_COLUMNS["tracking_error"]
+_D2G = MEASURE_COLUMNS["d2g"]
+_ERROR = MEASURE_COLUMNS["tracking_error"]
 
 
-def motion_info(state: State, measured: Measured, tracks: bool, has_field: bool) -> dict[str, np.ndarray]:
+def motion_info(
+    state: State, measured: Measured, tracks: bool, has_field: bool
+) -> dict[str, np.ndarray]:
     """Info of all rows of episodes of motion.
 
     Args:
@@ -82,16 +88,21 @@ def single_info(state: State, measured: Measured, tracks: bool, has_field: bool)
 
 
 def row_info(info: Mapping[str, np.ndarray], row: int = 0) -> dict[str, Any]:
-    """The info of one row: NumPy's numbers and arrays, the only ones that all of Gymnasium's converters take.
+    """The info of one row: NumPy's numbers and arrays, the only ones that all of Gymnasium's
+    converters take.
 
-    A truth value is an array without axes, since a NumPy bool counts neither as a number nor as an array.
+    A truth value is an array without axes, since a NumPy bool counts neither as a number nor as an
+    array.
 
     Args:
         info: of all rows.
         row: its number.
     """
     entries = {name: value[row] for name, value in info.items()}
-    return {name: np.array(entry) if isinstance(entry, np.bool_) else entry for name, entry in entries.items()}
+    return {
+        name: np.array(entry) if isinstance(entry, np.bool_) else entry
+        for name, entry in entries.items()
+    }
 
 
 def with_masks(info: Mapping[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -1,4 +1,6 @@
-"""What makes the environments, the models and the episodes of each id, by the names that Gymnasium is told."""
+"""What makes the environments, the models and the episodes of each id, by the names that Gymnasium
+is told.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def configure(entry: Entry, options: Mapping[str, Any]) -> EnvConfig | CageConfi
     return EnvConfig(task=task.name, robot=robot, **rest)
 
 
-def make_episodes(entry: Entry, options: Mapping[str, Any], rows: int, dtype: str, render_mode: str | None) -> Episodes:
+def make_episodes(
+    entry: Entry, options: Mapping[str, Any], rows: int, dtype: str, render_mode: str | None
+) -> Episodes:
     """Episodes of an environment.
 
     Args:
@@ -90,7 +94,8 @@ def make_config(env_id: str, **options: Any) -> EnvConfig:
         All of them.
 
     Raises:
-        UnknownArgumentError, UnknownNameError, InvalidParameterError: as `configure`; also for an id of static caging.
+        UnknownArgumentError, UnknownNameError, InvalidParameterError: as `configure`; also for an
+            id of static caging.
     """
     check_motion(env_id)
     config = configure(ENVS[env_id], options)
@@ -109,7 +114,8 @@ def make_setup(env_id: str, **options: Any) -> Setup:
         Names and numbers; nothing has been built.
 
     Raises:
-        UnknownArgumentError, UnknownNameError, InvalidParameterError: as `configure`; also for an id of static caging.
+        UnknownArgumentError, UnknownNameError, InvalidParameterError: as `configure`; also for an
+            id of static caging.
     """
     return make_config(env_id, **options).resolve()
 

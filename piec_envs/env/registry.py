@@ -21,8 +21,8 @@ class Entry:
         env_id: its id.
         robot: row of the table of robots; of a Panda the one with all its parts.
         summary: the task in a sentence.
-        tasks: rows of the table of tasks, of which the keyword argument `reference` takes one where there are several;
-            none for static caging, which ends with its first step.
+        tasks: rows of the table of tasks, of which the keyword argument `reference` takes one where
+            there are several; none for static caging, which ends with its first step.
         object: of static caging, where no argument says otherwise.
         base: of a Panda, "fixed" or "mobile".
     """
@@ -62,18 +62,21 @@ class Entry:
         return chosen
 
 
-PANDAS = {"franka": "fixed", "mobile_franka": "mobile"}  # rows of the table of robots, and their bases
+# rows of the table of robots, and their bases
+PANDAS = {"franka": "fixed", "mobile_franka": "mobile"}
 _CAGES = (
     Entry(
         "piec_envs/PlanarArmCage-v0",
         "planar_arm",
-        "Enclose an object near the base with the whole planar 4-DOF arm, as a static problem (paper section 4.5).",
+        "Enclose an object near the base with the whole planar 4-DOF arm, as a static problem "
+        "(paper section 4.5).",
         object="three_discs",
     ),
     Entry(
         "piec_envs/FrankaCage-v0",
         "franka",
-        "Enclose an everyday object with the whole arm of a Franka Panda on a fixed base (paper section 7.1).",
+        "Enclose an everyday object with the whole arm of a Franka Panda on a fixed base (paper "
+        "section 7.1).",
         object="water_jug",
         base="fixed",
     ),
@@ -86,7 +89,9 @@ def _entries() -> dict[str, Entry]:
     for task in TASKS.values():
         tasks.setdefault(task.env_id, []).append(task)
     motion = [
-        Entry(env_id, rows[0].robot, rows[0].summary, tuple(rows), base=PANDAS.get(rows[0].robot, ""))
+        Entry(
+            env_id, rows[0].robot, rows[0].summary, tuple(rows), base=PANDAS.get(rows[0].robot, "")
+        )
         for env_id, rows in tasks.items()
     ]
     return {entry.env_id: entry for entry in (*motion, *_CAGES)}
@@ -107,8 +112,10 @@ class NoMotionError(UnknownNameError):
         self._given = (env_id,)
         PiecError.__init__(
             self,
-            f"{env_id!r} is static caging: an episode is one posture, so that there is no motion to plan, to train "
-            f"or to execute. Environments of motion: {', '.join(MOTIONS)}. Postures are searched for by "
+            f"{env_id!r} is static caging: an episode is one posture, so that there is no motion "
+            f"to plan, to train "
+            f"or to execute. Environments of motion: {', '.join(MOTIONS)}. Postures are searched "
+            f"for by "
             "planners.CmaEsConfiguration, SqpConfiguration and ExhaustiveConfiguration",
         )
 
@@ -127,7 +134,8 @@ def check_motion(env_id: Any) -> None:
         made = env_id.spec
         own = f"; pass {made.id!r} and its keyword arguments" if made is not None else ""
         raise InvalidParameterError(
-            f"an environment is named by its id, such as {MOTIONS[0]!r}, but an environment object was given: "
+            f"an environment is named by its id, such as {MOTIONS[0]!r}, but an environment "
+            f"object was given: "
             f"{type(env_id.unwrapped).__name__}{own}"
         )
     motions = [name for name, entry in ENVS.items() if entry.motion]
@@ -139,28 +147,34 @@ def check_motion(env_id: Any) -> None:
 def register_envs() -> None:
     """Register every row of the table; rows that are registered already stay as they are.
 
-    Gymnasium's own limit on the steps is not set: what an environment truncates at, its horizon over `action_repeat`,
-    only the environment knows, and writes it into its spec.
+    Gymnasium's own limit on the steps is not set: what an environment truncates at, its horizon
+    over `action_repeat`, only the environment knows, and writes it into its spec.
     """
     for env_id, entry in ENVS.items():
         if env_id not in gym.registry:
-            gym.register(env_id, f"{MAKERS}:{entry.name}", vector_entry_point=f"{MAKERS}:{entry.name}Vector")
+            gym.register(
+                env_id, f"{MAKERS}:{entry.name}", vector_entry_point=f"{MAKERS}:{entry.name}Vector"
+            )
 
 
 def register_task(task: Task) -> None:
-    """Add a task to its table, and the environment that it names to Gymnasium's; for tasks of one's own.
+    """Add a task to its table, and the environment that it names to Gymnasium's; for tasks of one's
+    own.
 
     Args:
         task: its `env_id` is free, or that of a task with another `side`.
 
     Raises:
-        InvalidParameterError: if its name or its id is taken, or the id has no namespace and version.
+        InvalidParameterError: if its name or its id is taken, or the id has no namespace and
+            version.
     """
     namespace, _, name = task.env_id.partition("/")
     if not namespace or "-v" not in name:
         raise InvalidParameterError(f"env_id is namespace/Name-v0, got {task.env_id!r}")
     if task.name in TASKS or (task.env_id in gym.registry and not task.side):
-        raise InvalidParameterError(f"the task {task.name!r} or the environment {task.env_id!r} is there already")
+        raise InvalidParameterError(
+            f"the task {task.name!r} or the environment {task.env_id!r} is there already"
+        )
     TASKS[task.name] = task
     ENVS.update({env_id: entry for env_id, entry in _entries().items() if env_id == task.env_id})
     register_envs()

@@ -1,4 +1,6 @@
-"""The page of each environment, written from what the environment is: `python -m piec_envs.env.sheets docs/envs`."""
+"""The page of each environment, written from what the environment is:
+`python -m piec_envs.env.sheets docs/envs`.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,16 @@ from piec_envs.world.robots import get_robot
 OWN = {
     "dtype": ('"float64"', 'of the observations, "float64" or "float32".'),
     "render_mode": ("None", 'None or "rgb_array".'),
-    "renderer": ('"drawing"', '"drawing", the plane in software, or "mujoco", in space through OpenGL.'),
+    "renderer": (
+        '"drawing"',
+        '"drawing", the plane in software, or "mujoco", in space through OpenGL.',
+    ),
 }
 CHOICES = {
-    "contact": 'which parts touch the object: "whole_arm", "link" (the last link and the gripper) or "point" (a sphere '
-    "of radius 0.03 m at the fingertips); the others are only drawn.",
-    "geometry": '"meshes", cross-sections of the robot\'s collision meshes, which the extra `franka` installs, or '
-    '"capsules", which needs no extra.',
+    "contact": 'which parts touch the object: "whole_arm", "link" (the last link and the gripper) '
+    'or "point" (a sphere of radius 0.03 m at the fingertips); the others are only drawn.',
+    "geometry": '"meshes", cross-sections of the robot\'s collision meshes, which the extra '
+    '`franka` installs, or "capsules", which needs no extra.',
     "reference": '"right" or "left": the side of the straight line on which the reference runs.',
 }
 INFO = {
@@ -89,17 +94,22 @@ def sheet(entry: Entry) -> str:
 
 def _action(entry: Entry, env: Any) -> str:
     limits = "\n".join(
-        f"| {joint.name} | {_unit(joint)} | {joint.lower:.4g} | {joint.upper:.4g} | {joint.speed_limit:g} | "
+        f"| {joint.name} | {_unit(joint)} | {joint.lower:.4g} | {joint.upper:.4g} | "
+        f"{joint.speed_limit:g} | "
         f"{joint.max_lead:g} |"
         for joint in get_robot(env.config.robot).joints
     )
     meaning = (
-        f"commanded joint velocities over the speed; a step lasts {CONTROL_PERIOD:g} s, and the command leads the "
+        f"commanded joint velocities over the speed; a step lasts {CONTROL_PERIOD:g} s, and the "
+        f"command leads the "
         "joint by at most the lead."
         if entry.motion
         else "the posture, each joint from its lower (-1) to its upper (1) limit, taken at once."
     )
-    table = f"| joint | unit | lower | upper | speed, 1/s | lead |\n| --- | --- | --- | --- | --- | --- |\n{limits}"
+    table = (
+        f"| joint | unit | lower | upper | speed, 1/s | lead |\n| --- | --- | --- | --- | "
+        f"--- | --- |\n{limits}"
+    )
     return f"## Action\n\n`{_box(env.action_space)}`: {meaning}\n\n{table}"
 
 
@@ -110,7 +120,11 @@ def _unit(joint: Any) -> str:
 def _box(space: Any) -> str:
     bound = float(space.high.max())
     even = bool((space.high == bound).all() and (space.low == -bound).all())
-    return f"Box({-bound:g}, {bound:g}, {space.shape}, {space.dtype})" if even else f"Box({space.shape}, {space.dtype})"
+    return (
+        f"Box({-bound:g}, {bound:g}, {space.shape}, {space.dtype})"
+        if even
+        else f"Box({space.shape}, {space.dtype})"
+    )
 
 
 def _observation(entry: Entry, env: Any) -> str:
@@ -120,44 +134,62 @@ def _observation(entry: Entry, env: Any) -> str:
         terms = {term.name: term for term in TERMS}
         for name, place in env.observation_layout.items():
             bound = ", ".join(f"{value:g}" for value in dict.fromkeys(high[place].tolist()))
-            rows.append((_entries(place), f"`{name}`", terms[name].meaning, terms[name].unit, bound))
+            rows.append(
+                (_entries(place), f"`{name}`", terms[name].meaning, terms[name].unit, bound)
+            )
     else:
         for i, (meaning, unit) in enumerate(
-            (("object x", "m"), ("object y", "m"), ("cosine of its angle", ""), ("sine of its angle", ""))
+            (
+                ("object x", "m"),
+                ("object y", "m"),
+                ("cosine of its angle", ""),
+                ("sine of its angle", ""),
+            )
         ):
             rows.append((str(i), "", meaning, unit, f"{high[i]:g}"))
     lines = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     extra = ""
     if entry.motion:
         extra = (
-            "\n\nWith `goal_conditioned` a dict: `observation` as above, `achieved_goal` and `desired_goal`, the "
+            "\n\nWith `goal_conditioned` a dict: `observation` as above, `achieved_goal` and "
+            "`desired_goal`, the "
             "object's and the goal's x and y, m."
         )
     return (
-        f"## Observation\n\n`{_box(env.observation_space)}`\n\n| entries | term | meaning | unit | largest |\n"
+        f"## Observation\n\n`{_box(env.observation_space)}`\n\n| entries | term | meaning | unit "
+        f"| largest |\n"
         f"| --- | --- | --- | --- | --- |\n{lines}{extra}"
     )
 
 
 def _entries(place: slice) -> str:
-    return str(place.start) if place.stop == place.start + 1 else f"{place.start} to {place.stop - 1}"
+    return (
+        str(place.start) if place.stop == place.start + 1 else f"{place.start} to {place.stop - 1}"
+    )
 
 
 def _reward(entry: Entry, env: Any) -> str:
     if not entry.motion:
         return (
-            "## Reward\n\n0.02 (T_hat - 1e3 overlap): the caging less 20 for each metre of overlap, added up over each "
+            "## Reward\n\n0.02 (T_hat - 1e3 overlap): the caging less 20 for each metre of "
+            "overlap, added up over each "
             "link with each shape of the object and each two links that could collide."
         )
     weights = env.model.weights
-    task = "the distance to the reference of this time" if env.model.task.tracks else "the squared distance to the goal"
+    task = (
+        "the distance to the reference of this time"
+        if env.model.task.tracks
+        else "the squared distance to the goal"
+    )
     return (
         f"## Reward\n\nMinus {REWARD_SCALE:g} times the stage cost {weights.task:g} c_task + "
         f"{weights.command:g} |u|^2 + "
-        f"{weights.prior:g} c_prior, to which the last step adds {weights.miss:g} d2g. c_task is {task}, u the "
+        f"{weights.prior:g} c_prior, to which the last step adds {weights.miss:g} d2g. c_task is "
+        f"{task}, u the "
         "commanded "
         "joint velocities, c_prior minus the caging (above "
-        f"{weights.saturation:g} a tenth counts) or what `prior` says. With `goal_conditioned`: -(d2g > 0), or "
+        f"{weights.saturation:g} a tenth counts) or what `prior` says. With `goal_conditioned`: "
+        f"-(d2g > 0), or "
         'minus the task term alone for "dense".'
     )
 
@@ -165,25 +197,39 @@ def _reward(entry: Entry, env: Any) -> str:
 def _start_and_end(entry: Entry, env: Any) -> str:
     if not entry.motion:
         return (
-            "## Start and end\n\nThe arm straight, which may overlap the object; the object drawn evenly from the ring "
-            "around the base, within 0.4 m and clear of the base, at any angle. Option of `reset`: `pose`. The first "
-            "step ends the episode (terminated). Success: the object is enclosed and nothing overlaps by more than "
+            "## Start and end\n\nThe arm straight, which may overlap the object; the object "
+            "drawn evenly from the ring "
+            "around the base, within 0.4 m and clear of the base, at any angle. Option of "
+            "`reset`: `pose`. The first "
+            "step ends the episode (terminated). Success: the object is enclosed and nothing "
+            "overlaps by more than "
             "1e-6 m; enclosed is judged under a hard wall by fast marching with 100 nodes a side."
         )
-    task, setup = env.model.task, env.model.setup
+    task = env.model.task
+    setup = env.model.setup
     x, y, angle = task.start
-    tracking = f" and a mean tracking error of at most {TRACKING_TOLERANCE:g} m over the episode" if task.tracks else ""
+    tracking = (
+        f" and a mean tracking error of at most {TRACKING_TOLERANCE:g} m over the episode"
+        if task.tracks
+        else ""
+    )
     return (
-        f"## Start and end\n\nThe object `{setup.plant.object}` at ({x:g}, {y:g}) m, turned by {np.rad2deg(angle):g} "
-        f"degrees; the arm at {np.round(setup.posture, 4).tolist()}. Options of `reset`: `params` (plant parameters) "
-        "and `state` (a `State`, or a dict of q_r, q_cmd, pose, step). Never terminated; truncated after "
-        f"{env.episode_actions} actions, or once diverged. Success: d2g = 0 at the last step{tracking}: the object's "
+        f"## Start and end\n\nThe object `{setup.plant.object}` at ({x:g}, {y:g}) m, turned by "
+        f"{np.rad2deg(angle):g} "
+        f"degrees; the arm at {np.round(setup.posture, 4).tolist()}. Options of `reset`: "
+        f"`params` (plant parameters) "
+        "and `state` (a `State`, or a dict of q_r, q_cmd, pose, step). Never terminated; "
+        "truncated after "
+        f"{env.episode_actions} actions, or once diverged. Success: d2g = 0 at the last "
+        f"step{tracking}: the object's "
         f"centre within {GOAL_RADIUS:g} m of the goal {tuple(task.goal.tolist())}."
     )
 
 
 def _info(info: dict[str, Any]) -> str:
-    lines = "\n".join(f"| `{name}` | {_shape(value)} | {INFO[name]} |" for name, value in info.items())
+    lines = "\n".join(
+        f"| `{name}` | {_shape(value)} | {INFO[name]} |" for name, value in info.items()
+    )
     return f"## Info\n\n| key | shape | meaning |\n| --- | --- | --- |\n{lines}"
 
 

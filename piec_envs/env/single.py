@@ -12,7 +12,13 @@ import numpy as np
 from piec_envs.env.episodes import Episodes
 from piec_envs.env.info import row_info
 from piec_envs.env.spec import PlainSpec
-from piec_envs.errors import InvalidActionError, InvalidParameterError, ResetNeededError, as_count, as_floats
+from piec_envs.errors import (
+    InvalidActionError,
+    InvalidParameterError,
+    ResetNeededError,
+    as_count,
+    as_floats,
+)
 from piec_envs.escape.field import EscapeField
 from piec_envs.model.model import SEED_BOUND, Model
 from piec_envs.model.rollout import Rollout
@@ -29,8 +35,14 @@ def take_row(observation: Any, row: int = 0) -> Any:
 
 @contextmanager
 def rewinding(generators: Iterable[np.random.Generator | None]) -> Iterator[None]:
-    """Take back what was drawn if the block ends with an error, so that a refused reset changes nothing."""
-    before = [(generator.bit_generator, generator.bit_generator.state) for generator in generators if generator]
+    """Take back what was drawn if the block ends with an error, so that a refused reset changes
+    nothing.
+    """
+    before = [
+        (generator.bit_generator, generator.bit_generator.state)
+        for generator in generators
+        if generator
+    ]
     try:
         yield
     except BaseException:
@@ -87,7 +99,9 @@ class MotionInterface:
         """Change plant parameters (fields of `PlantParams`) of the episodes to come."""
         self._of_motion("set_params").set_params(params)
 
-    def rollout(self, state: State, path: np.ndarray | None = None, controls: np.ndarray | None = None) -> Rollout:
+    def rollout(
+        self, state: State, path: np.ndarray | None = None, controls: np.ndarray | None = None
+    ) -> Rollout:
         """Simulate a batch of trajectories from a state without touching the running episodes.
 
         Args:
@@ -109,7 +123,8 @@ class MotionInterface:
         """The episodes, if an arm moves in them."""
         if not hasattr(self._episodes, "model"):
             raise InvalidParameterError(
-                f"{name} belongs to environments of motion; this one is static caging, which has no plant and no motion"
+                f"{name} belongs to environments of motion; this one is static caging, which has "
+                f"no plant and no motion"
             )
         return self._episodes
 
@@ -117,11 +132,12 @@ class MotionInterface:
 class Env(MotionInterface, PlainSpec, gym.Env):
     """One episode at a time; docs/envs describes each id.
 
-    If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`: the reward of one
-    goal, or of a batch of them (for HER).
+    If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`: the reward
+    of one goal, or of a batch of them (for HER).
 
     Args:
-        make_episodes: makes the episodes, given the other keyword arguments, rows, dtype and render mode.
+        make_episodes: makes the episodes, given the other keyword arguments, rows, dtype and render
+            mode.
         render_fps: pictures of a second.
         dtype: "float64" or "float32", of the observations.
         render_mode: None or "rgb_array".
@@ -134,7 +150,8 @@ class Env(MotionInterface, PlainSpec, gym.Env):
         InvalidParameterError: for a value outside its range.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012  Gymnasium declares it so
+    # A plain dictionary of the class, as Gymnasium declares it.
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
 
     def __init__(
         self,
@@ -148,7 +165,8 @@ class Env(MotionInterface, PlainSpec, gym.Env):
     ):
         self._episodes: Any = make_episodes(options, 1, dtype, render_mode)
         self.metadata = {**self.metadata, "render_fps": render_fps}
-        self.render_mode, self._renderer = render_mode, Renderer(renderer)
+        self.render_mode = render_mode
+        self._renderer = Renderer(renderer)
         self.observation_space = self._episodes.observation_space
         self.action_space = self._episodes.action_space
         self._action_shape: Any = self.action_space.shape
@@ -157,7 +175,9 @@ class Env(MotionInterface, PlainSpec, gym.Env):
         self._trail: list[np.ndarray] = []
         self._begun = self._terminated = False
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict]:
         """Begin an episode.
 
         Args:
@@ -182,7 +202,8 @@ class Env(MotionInterface, PlainSpec, gym.Env):
             Observation, reward, terminated, truncated and info.
 
         Raises:
-            InvalidActionError: for an action of another shape, or one that is not finite; or after the end.
+            InvalidActionError: for an action of another shape, or one that is not finite; or after
+                the end.
             ResetNeededError: before the first reset.
         """
         if not self._begun:
@@ -199,7 +220,9 @@ class Env(MotionInterface, PlainSpec, gym.Env):
         return take_row(observation), float(reward[0]), self._terminated, bool(truncated[0]), info
 
     def get_params(self) -> dict[str, Any]:
-        """The plant parameters in force in this episode, and "start", the object's pose at its start, shape (3,)."""
+        """The plant parameters in force in this episode, and "start", the object's pose at its
+        start, shape (3,).
+        """
         self._check_begun("get_params")
         return row_info(self._of_motion("get_params").get_params())
 
@@ -228,7 +251,9 @@ class Env(MotionInterface, PlainSpec, gym.Env):
         self._check_begun("render")
         if self.render_mode is None:
             return None
-        return self._episodes.frame(self._renderer, 0, np.array(self._trail) if self._trail else None)
+        return self._episodes.frame(
+            self._renderer, 0, np.array(self._trail) if self._trail else None
+        )
 
     def close(self) -> None:
         """Free what frames were drawn with."""
@@ -236,7 +261,9 @@ class Env(MotionInterface, PlainSpec, gym.Env):
 
     def _check_begun(self, call: str) -> None:
         if not self._begun:
-            raise ResetNeededError(f"{call} needs an episode, and none has begun: call reset or set_state first")
+            raise ResetNeededError(
+                f"{call} needs an episode, and none has begun: call reset or set_state first"
+            )
 
     def _begin(self) -> tuple[Any, dict]:
         self._begun = True

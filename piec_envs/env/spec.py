@@ -1,4 +1,6 @@
-"""The spec that Gymnasium gives an environment, readable by JSON and true of the length of an episode."""
+"""The spec that Gymnasium gives an environment, readable by JSON and true of the length of an
+episode.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,9 @@ from piec_envs.plain import plain
 class PlainSpec:
     """Mixed into the environments: `spec` holds keyword arguments as JSON has them.
 
-    Arrays, NumPy scalars, members of enumerations and paths among them, which `EnvSpec.to_json` refuses, stand there as
-    lists, numbers and text. An environment that ends its episodes itself writes their length in, too: Gymnasium knows
-    only the limit that it sets from outside.
+    Arrays, NumPy scalars, members of enumerations and paths among them, which `EnvSpec.to_json`
+    refuses, stand there as lists, numbers and text. An environment that ends its episodes itself
+    writes their length in, too: Gymnasium knows only the limit that it sets from outside.
     """
 
     _spec: EnvSpec | None = None

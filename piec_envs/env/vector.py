@@ -1,4 +1,6 @@
-"""The native VectorEnv: all rows in one batch, with seeds, masks, ends and the three autoreset modes."""
+"""The native VectorEnv: all rows in one batch, with seeds, masks, ends and the three autoreset
+modes.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def _limit(max_episode_steps: int | None) -> float:
 
 
 def _own_generator(seed: Any) -> tuple[np.random.Generator, int]:
-    """What the VectorEnv itself may draw from, and its seed: -1, as Gymnasium has it, where it is not one number."""
+    """What the VectorEnv itself may draw from, and its seed: -1, as Gymnasium has it, where it is
+    not one number.
+    """
     if np.ndim(seed) == 0:
         return seeding.np_random(int(seed))
     given = [int(entry) for entry in seed if entry is not None]
@@ -46,12 +50,15 @@ def _own_generator(seed: Any) -> tuple[np.random.Generator, int]:
 
 
 class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
-    """B rows of one environment; for a whole-number seed, row i is bit-equal to the single env with seed + i.
+    """B rows of one environment; for a whole-number seed, row i is bit-equal to the single env with
+    seed + i.
 
-    If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`, for any number of goals.
+    If goal-conditioned, it also has `compute_reward(achieved_goal, desired_goal, info)`, for any
+    number of goals.
 
     Args:
-        make_episodes: makes the episodes, given the other keyword arguments, rows, dtype and render mode.
+        make_episodes: makes the episodes, given the other keyword arguments, rows, dtype and render
+            mode.
         render_fps: pictures of a second.
         num_envs: B.
         max_episode_steps: actions after which a row is cut short; None and -1 leave it to the task.
@@ -90,10 +97,19 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         self.num_envs = as_count("num_envs", num_envs)
         self._episodes: Any = make_episodes(options, self.num_envs, dtype, render_mode)
         self.max_episode_steps = _limit(max_episode_steps)
-        check_name("autoreset_mode", autoreset_mode, (*AutoresetMode, *(mode.value for mode in AutoresetMode)))
+        check_name(
+            "autoreset_mode",
+            autoreset_mode,
+            (*AutoresetMode, *(mode.value for mode in AutoresetMode)),
+        )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode, "render_fps": render_fps}
-        self.render_mode, self._renderer = render_mode, Renderer(renderer)
+        self.metadata = {
+            **self.metadata,
+            "autoreset_mode": self.autoreset_mode,
+            "render_fps": render_fps,
+        }
+        self.render_mode = render_mode
+        self._renderer = Renderer(renderer)
         self.single_observation_space = self._episodes.observation_space
         self.single_action_space = self._episodes.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -108,7 +124,10 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         self._ended = np.zeros(num_envs, dtype=bool)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict]:
         """Begin new episodes in all rows, or in those of options["reset_mask"]."""
         options = dict(options or {})
@@ -135,11 +154,16 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         self._check_begun("step")
         if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
             rows = np.flatnonzero(self._ended).tolist()
-            raise InvalidActionError(f"rows {rows} have ended: reset them with options={{'reset_mask': ...}}")
+            raise InvalidActionError(
+                f"rows {rows} have ended: reset them with options={{'reset_mask': ...}}"
+            )
         begin = self._ended & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
-        if begin.any():  # these rows ignore their action, even one that is not finite, and begin anew
+        # these rows ignore their action, even one that is not finite, and begin anew
+        if begin.any():
             actions = self._without(actions, begin)
-        observation, reward = self._episodes.step(as_floats("actions", actions, self._action_shape, InvalidActionError))
+        observation, reward = self._episodes.step(
+            as_floats("actions", actions, self._action_shape, InvalidActionError)
+        )
         self._elapsed += 1
         if begin.any():
             self._begin(np.flatnonzero(begin), {})
@@ -165,7 +189,9 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         self._ended[rows] = False
 
     def _generator(self, row: int) -> np.random.Generator:
-        """Where the seeds of a row's episodes come from; without a seed of its own, it is drawn from the system."""
+        """Where the seeds of a row's episodes come from; without a seed of its own, it is drawn
+        from the system.
+        """
         generator = self._generators[row]
         if generator is None:
             generator = self._generators[row] = seeding.np_random()[0]
@@ -175,7 +201,8 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         if not self._begun.all():
             rows = np.flatnonzero(~self._begun).tolist()
             raise ResetNeededError(
-                f"{call} needs an episode in every row, and none has begun in rows {rows}: reset them first"
+                f"{call} needs an episode in every row, and none has begun in rows {rows}: reset "
+                f"them first"
             )
 
     def _without(self, actions: Any, rows: np.ndarray) -> Any:
@@ -202,9 +229,14 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
     def _seeds(self, seed: Any) -> list[int | None]:
         """One seed for each row: None, seed + i, or the entries of a sequence."""
         if seed is None or np.ndim(seed) == 0:
-            return [None if seed is None else as_count("seed", seed, least=0) + i for i in range(self.num_envs)]
+            return [
+                None if seed is None else as_count("seed", seed, least=0) + i
+                for i in range(self.num_envs)
+            ]
         if len(seed) != self.num_envs:
-            raise InvalidParameterError(f"seed must have one entry for each of {self.num_envs} rows, got {len(seed)}")
+            raise InvalidParameterError(
+                f"seed must have one entry for each of {self.num_envs} rows, got {len(seed)}"
+            )
         return [None if entry is None else as_count("seed", entry, least=0) for entry in seed]
 
     def _check_mask(self, mask: Any) -> np.ndarray:
@@ -215,12 +247,15 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
             or not mask.any()
         ):
             raise InvalidParameterError(
-                f"options['reset_mask'] must be a boolean array of shape ({self.num_envs},) with a True, got {mask!r}"
+                f"options['reset_mask'] must be a boolean array of shape ({self.num_envs},) with "
+                f"a True, got {mask!r}"
             )
         return mask
 
     def get_params(self) -> dict[str, np.ndarray]:
-        """The plant parameters in force in the rows, and "start", the object's pose at their start, shape (B, 3)."""
+        """The plant parameters in force in the rows, and "start", the object's pose at their start,
+        shape (B, 3).
+        """
         self._check_begun("get_params")
         return self._of_motion("get_params").get_params()
 
@@ -252,7 +287,9 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         self._check_begun("render")
         if self.render_mode is None:
             return None
-        return tuple(self._episodes.frame(self._renderer, row, None) for row in range(self.num_envs))
+        return tuple(
+            self._episodes.frame(self._renderer, row, None) for row in range(self.num_envs)
+        )
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free what frames were drawn with."""

@@ -15,7 +15,10 @@ from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.sweeping import FAR
 
-VALUE, POINT_GRADIENT, ALL_GRADIENTS = 0, 1, 2  # how much a query computes
+# how much a query computes
+VALUE = 0
+POINT_GRADIENT = 1
+ALL_GRADIENTS = 2
 
 
 class FieldMap(NamedTuple):
@@ -63,11 +66,12 @@ def find_path(field: Field, point: np.ndarray) -> np.ndarray:
 
 
 class BatchedField(ABC):
-    """Escape times of batches: exact (`GridField`), learned (`NetworkField`) or tabulated (`TableField`).
+    """Escape times of batches: exact (`GridField`), learned (`NetworkField`) or tabulated
+    (`TableField`).
 
     Rows do not depend on each other, so row i equals the single query bit for bit, with any number
-    of threads. Nothing changes a field: copies in the same process are the field itself, and what is
-    pickled is its `spec`, from which it is made again.
+    of threads. Nothing changes a field: copies in the same process are the field itself, and what
+    is pickled is its `spec`, from which it is made again.
 
     Args:
         robot_name: a row of the table of robots.
@@ -79,7 +83,9 @@ class BatchedField(ABC):
     threads: int | None
 
     def __init__(self, robot_name: str, dof: int, speed: SpeedModel):
-        self.robot_name, self.speed, self._dof = robot_name, speed, dof
+        self.robot_name = robot_name
+        self.speed = speed
+        self._dof = dof
 
     def __copy__(self) -> BatchedField:
         return self
@@ -180,7 +186,9 @@ class BatchedField(ABC):
         """
         return self._ask(points, q_r, POINT_GRADIENT)[:2]
 
-    def gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def gradients(
+        self, points: np.ndarray, q_r: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Escape time and its gradients in the points and the configuration.
 
         Args:
@@ -188,8 +196,8 @@ class BatchedField(ABC):
             q_r: joint positions, shape (B, n) or (n,), rad or m.
 
         Returns:
-            (T, dT_dp, dT_dq): as `point_gradients`, and dT_dq of shape (B, k, n) or (k, n), s/rad or
-            s/m; 0 where T is 0 or inf.
+            (T, dT_dp, dT_dq): as `point_gradients`, and dT_dq of shape (B, k, n) or (k, n), s/rad
+            or s/m; 0 where T is 0 or inf.
 
         Raises:
             InvalidStateError: if the shapes do not fit or a number is not finite.
@@ -197,12 +205,22 @@ class BatchedField(ABC):
         return self._ask(points, q_r, ALL_GRADIENTS)
 
     def _rows(self, points, q_r):
-        """Points (B, k, 2) and configurations (B, n), checked, and whether a single row was given."""
-        points, q = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(q_r, dtype=float)
+        """Points (B, k, 2) and configurations (B, n), checked, and whether a single row was
+        given.
+        """
+        points = np.ascontiguousarray(points, dtype=float)
+        q = np.ascontiguousarray(q_r, dtype=float)
         single = q.ndim == 1
         if single:
-            points, q = points[None], q[None]
-        if points.ndim != 3 or points.shape[2] != 2 or q.ndim != 2 or len(points) != len(q) or q.shape[1] != self._dof:
+            points = points[None]
+            q = q[None]
+        if (
+            points.ndim != 3
+            or points.shape[2] != 2
+            or q.ndim != 2
+            or len(points) != len(q)
+            or q.shape[1] != self._dof
+        ):
             raise InvalidStateError(
                 f"points must be (B, k, 2) and q_r (B, {self._dof}), or (k, 2) and ({self._dof},); "
                 f"got {np.shape(points)[single:]} and {np.shape(q_r)}"
@@ -215,19 +233,24 @@ class BatchedField(ABC):
         """(T, dT_dp, dT_dq) as far as the level goes; the rest are empty."""
         points, q, single = self._rows(points, q_r)
         rows, k = points.shape[:2]
-        p_size, q_size = 2 * (level >= POINT_GRADIENT), self._dof * (level >= ALL_GRADIENTS)
+        p_size = 2 * (level >= POINT_GRADIENT)
+        q_size = self._dof * (level >= ALL_GRADIENTS)
         out = np.empty((rows, k)), np.empty((rows, k, p_size)), np.empty((rows, k, q_size))
         self._answer_rows(level, q, points, out)
         return tuple(array[0] for array in out) if single else out
 
 
 def _all_finite(array: np.ndarray) -> bool:
-    """Whether no number is infinite or none; a sum of few squares tells it quickly, unless one is too large."""
+    """Whether no number is infinite or none; a sum of few squares tells it quickly, unless one is
+    too large.
+    """
     flat = array.ravel()
     return math.isfinite(flat @ flat) or bool(np.isfinite(array).all())
 
 
-def _made_again(kind: Callable[..., BatchedField], spec: Mapping[str, Any], threads: int | None) -> BatchedField:
+def _made_again(
+    kind: Callable[..., BatchedField], spec: Mapping[str, Any], threads: int | None
+) -> BatchedField:
     """A field from what it says of itself."""
     options: dict[str, Any] = {key: value for key, value in spec.items() if key != "name"}
     if "speed" in options:

@@ -19,8 +19,23 @@ from piec_envs.geometry.polygon import closest_on_polygon
 from piec_envs.kernels import kernel
 
 SAMPLES = 4  # of the slowness along a straight step
-RING = np.array(  # (13, 2) the nodes around cell (0, 0) and its corners, in a closed loop: row, column
-    [(-1, -1), (-1, 0), (-1, 1), (-1, 2), (0, 2), (1, 2), (2, 2), (2, 1), (2, 0), (2, -1), (1, -1), (0, -1), (-1, -1)]
+# (13, 2) the nodes around cell (0, 0) and its corners, in a closed loop: row, column
+RING = np.array(
+    [
+        (-1, -1),
+        (-1, 0),
+        (-1, 1),
+        (-1, 2),
+        (0, 2),
+        (1, 2),
+        (2, 2),
+        (2, 1),
+        (2, 0),
+        (2, -1),
+        (1, -1),
+        (0, -1),
+        (-1, -1),
+    ]
 )
 
 
@@ -31,7 +46,8 @@ class Field(NamedTuple):
     h: float  # m
     start: float  # coordinate of the first grid line, m
     speed: PackedSpeed  # the numbers of a `SpeedModel`
-    first: np.ndarray  # (S + 1,) shapes of the robot, as in `PackedShapes`; S = 0: only `distance` is known
+    # (S + 1,) shapes of the robot, as in `PackedShapes`; S = 0: only `distance` is known
+    first: np.ndarray
     round: np.ndarray  # (S,) their radius, m
     vertices: np.ndarray  # (V, 2) m
     time: np.ndarray  # (N, N) s
@@ -44,7 +60,10 @@ def _interpolated(field, x, y):
     across, along = (x - field.start) / field.h, (y - field.start) / field.h
     i, j, d = int(along), int(across), field.distance
     a, b = across - j, along - i
-    low, high = d[i, j] + a * (d[i, j + 1] - d[i, j]), d[i + 1, j] + a * (d[i + 1, j + 1] - d[i + 1, j])
+    low, high = (
+        d[i, j] + a * (d[i, j + 1] - d[i, j]),
+        d[i + 1, j] + a * (d[i + 1, j + 1] - d[i + 1, j]),
+    )
     return low + b * (high - low)
 
 
@@ -89,7 +108,9 @@ def _straight_time(field, x, y, to_x, to_y):
 
 @kernel
 def _best_share(gap, along, across, h, slow):
-    """Minimiser over w in [0, 1] of w gap + slow |(along - w h, across)|, the point of an edge to aim at."""
+    """Minimiser over w in [0, 1] of w gap + slow |(along - w h, across)|, the point of an edge to
+    aim at.
+    """
     if gap >= slow * h:
         return 0.0
     if gap <= -slow * h:
@@ -106,7 +127,9 @@ def _usable(field, i, j, walled):
 
 @kernel
 def _better(field, x, y, start, to_x, to_y, best):
-    """The lesser of `best` = (T, to_x, to_y) and the straight step to a point where T is `start`."""
+    """The lesser of `best` = (T, to_x, to_y) and the straight step to a point where T is
+    `start`.
+    """
     if start + np.hypot(to_x - x, to_y - y) / field.speed.u_bar >= best[0]:
         return best
     t = start + _straight_time(field, x, y, to_x, to_y)
@@ -115,7 +138,9 @@ def _better(field, x, y, start, to_x, to_y, best):
 
 @kernel
 def _bellman(field, x, y, i, j, walled):
-    """(T, to_x, to_y): the best straight step from a point in cell (i, j) to the nodes and edges around it."""
+    """(T, to_x, to_y): the best straight step from a point in cell (i, j) to the nodes and edges
+    around it.
+    """
     h, best = field.h, (FAR, x, y)
     slow = slowness(field.speed, distance_at(field, x, y))
     for k in range(12):
@@ -151,12 +176,18 @@ def _bilinear(field, x, y, i, j, r):
     slope_x = ((v_01 - v_00) + b * ((v_11 - v_10) - (v_01 - v_00))) / h
     slope_y = (high - low) / h
     scale = 1.0 / (r * u_bar) if r > 0.0 else 0.0
-    return (field.radius - r) / u_bar + low + b * (high - low), slope_x - x * scale, slope_y - y * scale
+    return (
+        (field.radius - r) / u_bar + low + b * (high - low),
+        slope_x - x * scale,
+        slope_y - y * scale,
+    )
 
 
 @kernel
 def _even(field, i, j, in_wall):
-    """Whether the four nodes of cell (i, j) are reachable and all on the stated side of the wall."""
+    """Whether the four nodes of cell (i, j) are reachable and all on the stated side of the
+    wall.
+    """
     for k in range(4):
         a, b = i + k // 2, j + k % 2
         if (field.distance[a, b] <= field.speed.d0) != in_wall or field.time[a, b] >= FAR:
@@ -173,7 +204,8 @@ def value(field, x, y):
         x, y: the point relative to the base, m.
 
     Returns:
-        (T, e_x, e_y): s and a unit vector; (0, 0, 0) outside the disc, (inf, 0, 0) where nothing leads out.
+        (T, e_x, e_y): s and a unit vector; (0, 0, 0) outside the disc, (inf, 0, 0) where nothing
+        leads out.
     """
     r = np.hypot(x, y)
     if r >= field.radius:
@@ -187,7 +219,8 @@ def value(field, x, y):
         e_x, e_y = -g_x, -g_y
     else:
         t, e_x, e_y = _bellman(field, x, y, i, j, in_wall)
-        if t >= FAR and field.speed.leak > 0.0:  # a pocket without a free node: out through the wall
+        # a pocket without a free node: out through the wall
+        if t >= FAR and field.speed.leak > 0.0:
             t, e_x, e_y = _bellman(field, x, y, i, j, not in_wall)
         if t >= FAR:
             return np.inf, 0.0, 0.0

@@ -17,7 +17,14 @@ from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.between import Field
 from piec_envs.escape.marching import march, sort_by_time
 from piec_envs.escape.speed import cost_map, distance_map
-from piec_envs.escape.sweeping import FAR, WALL, Diagonals, diagonal_layout, sweep_to_rest, to_diagonals
+from piec_envs.escape.sweeping import (
+    FAR,
+    WALL,
+    Diagonals,
+    diagonal_layout,
+    sweep_to_rest,
+    to_diagonals,
+)
 from piec_envs.geometry.body import point_distance
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel, kernel
@@ -81,7 +88,9 @@ def make_disc(radius: float, u_bar: float, resolution: int) -> Disc:
         InvalidParameterError: if the resolution is below 16.
     """
     if int(resolution) != resolution or resolution < MIN_RESOLUTION:
-        raise InvalidParameterError(f"resolution must be an integer of at least {MIN_RESOLUTION}, got {resolution}")
+        raise InvalidParameterError(
+            f"resolution must be an integer of at least {MIN_RESOLUTION}, got {resolution}"
+        )
     resolution = int(resolution)
     h = 2 * radius / (resolution - 1 - 2 * MARGIN)
     axis = (np.arange(resolution) - (resolution - 1) / 2) * h  # (N,)
@@ -173,7 +182,8 @@ def _first_order(disc, scratch):
         first = uint64(0)
         for i in range(n):
             lo, count = disc.layout.rows[i, 0], disc.layout.rows[i, 1] - disc.layout.rows[i, 0]
-            start = uint64(n - 1 - i if flip else i) * width + lo * stride  # grid[i, j] -> [i + j, j]
+            # grid[i, j] -> [i + j, j]
+            start = uint64(n - 1 - i if flip else i) * width + lo * stride
             for j in range(count):
                 f = scratch.cost[first + j]
                 costs[start + j * stride] = f if f < WALL else WALL
@@ -228,7 +238,9 @@ def lift_to_axis(shapes, d0, vertices, disc, near):
         d = near[k]
         if d0 - reach < d < d0 + BAND * disc.h:
             _, _, _, _, n_x, n_y = point_distance(shapes, vertices, disc.x[k], disc.y[k])
-            up = point_distance(shapes, vertices, disc.x[k] + reach * n_x, disc.y[k] + reach * n_y)[0]
+            up = point_distance(shapes, vertices, disc.x[k] + reach * n_x, disc.y[k] + reach * n_y)[
+                0
+            ]
             if up < d + (1.0 - 1e-6) * reach:  # d has slope 1 both ways from the middle
                 near[k] = max(d, 0.5 * (d + up + reach))
 
@@ -278,6 +290,13 @@ def solve_measured(shapes, speed, disc, second_order, scratch):
         distance[disc.node[k]] = scratch.near[k]
     if second_order:
         sort_by_time(first, scratch.keys[:m], scratch.orders[0, :m], scratch.orders[1, :m])
-        march(time, scratch.cost, disc.bound.ravel(), scratch.orders[0, :m], disc.node, disc.axis.shape[0])
+        march(
+            time,
+            scratch.cost,
+            disc.bound.ravel(),
+            scratch.orders[0, :m],
+            disc.node,
+            disc.axis.shape[0],
+        )
     shape = shapes.first, shapes.radius, scratch.vertices
     return Field(disc.radius, disc.h, disc.axis[0], speed, *shape, scratch.time, scratch.distance)

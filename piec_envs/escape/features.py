@@ -5,12 +5,13 @@ frame of the base turned by the first turning joint, since the field of a disc d
 all turns. The features of a point p are
 
     p, |p|, s_2 ... s_L,
-    for each segment (s_i, s_i+1):   |p - segment|, nearness to it, sin(half the angle it subtends at p),
-    for each s_m off a segment:      its nearness to that segment (how narrow the gaps are), and its closure,
+    for each segment (s_i, s_i+1):   |p - segment|, nearness to it, sin(half the angle it subtends
+    at p), for each s_m off a segment:      its nearness to that segment (how narrow the gaps are),
+    and its closure,
 
-with nearness = c / (c + distance) and closure = sqrt(max(0, 1 - distance / w)), w the distance at which the
-walls of two links meet: where they overlap, the time through them grows with that root. LANES pairs
-(point, configuration) are described side by side; arrays end with that axis.
+with nearness = c / (c + distance) and closure = sqrt(max(0, 1 - distance / w)), w the distance at
+which the walls of two links meet: where they overlap, the time through them grows with that root.
+LANES pairs (point, configuration) are described side by side; arrays end with that axis.
 `piec_envs.escape.training.reference` is the readable twin.
 """
 
@@ -23,14 +24,21 @@ from piec_envs.kernels import kernel, lane_kernel
 
 LANES = 32
 NEAR = 0.06  # m, distance at which the nearness is one half
-_NEAR, _ZERO, _ONE, _TWO = np.float32(NEAR), np.float32(0.0), np.float32(1.0), np.float32(2.0)
-_SMALL, _ROOT = np.float32(1e-2), np.float32(0.1)  # round the root of the closure at 0
+_NEAR = np.float32(NEAR)
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+# round the root of the closure at 0
+_SMALL = np.float32(1e-2)
+_ROOT = np.float32(0.1)
 _OPEN = np.float32(1e-6)  # closure of a gap that is open, up to rounding
 _TINY = np.float32(1e-12)  # m^2, keeps roots and quotients finite on the skeleton itself
 
 
 def pairs(segments: int) -> np.ndarray:
-    """Which skeleton points are compared with which segments, shape (K, 2): (point m, segment i)."""
+    """Which skeleton points are compared with which segments, shape (K, 2): (point m,
+    segment i).
+    """
     off = [(m, i) for m in range(segments + 1) for i in range(segments) if m not in (i, i + 1)]
     return np.array(off, dtype=np.int64).reshape(-1, 2)
 
@@ -174,7 +182,12 @@ def _half_sine_back(p, start, end, g, g_p, g_start, g_end):
         product, dot = np.sqrt(a2 * b2), a_x * b_x + a_y * b_y
         share = (product + dot) / (_TWO * product)
         scale = g[n] * np.sqrt(share if share > _ZERO else _ZERO) / _TWO  # d sin(phi/2) / dphi
-        a_x, a_y, b_x, b_y = scale * a_y / a2, -scale * a_x / a2, -scale * b_y / b2, scale * b_x / b2
+        a_x, a_y, b_x, b_y = (
+            scale * a_y / a2,
+            -scale * a_x / a2,
+            -scale * b_y / b2,
+            scale * b_x / b2,
+        )
         g_start[0, n] += a_x
         g_start[1, n] += a_y
         g_end[0, n] += b_x
@@ -208,7 +221,9 @@ def describe_back(p, skeleton, gaps, x, g_x, g, g_p, g_skeleton):
         for n in range(LANES):
             g[n] = g_x[f, n] - g_x[f + 1, n] * x[f + 1, n] * x[f + 1, n] / _NEAR
         _distance_back(p, skeleton[i], skeleton[i + 1], g, g_p, g_skeleton[i], g_skeleton[i + 1])
-        _half_sine_back(p, skeleton[i], skeleton[i + 1], g_x[f + 2], g_p, g_skeleton[i], g_skeleton[i + 1])
+        _half_sine_back(
+            p, skeleton[i], skeleton[i + 1], g_x[f + 2], g_p, g_skeleton[i], g_skeleton[i + 1]
+        )
         f += 3
     for k in range(pairs.shape[0]):
         m, i = pairs[k, 0], pairs[k, 1]
@@ -216,7 +231,15 @@ def describe_back(p, skeleton, gaps, x, g_x, g, g_p, g_skeleton):
             g[n] = -g_x[f, n] * x[f, n] * x[f, n] / _NEAR
             closure = x[f + 1, n]
             g[n] -= g_x[f + 1, n] / (_TWO * width * (closure + _ROOT)) if closure > _OPEN else _ZERO
-        _distance_back(skeleton[m], skeleton[i], skeleton[i + 1], g, g_skeleton[m], g_skeleton[i], g_skeleton[i + 1])
+        _distance_back(
+            skeleton[m],
+            skeleton[i],
+            skeleton[i + 1],
+            g,
+            g_skeleton[m],
+            g_skeleton[i],
+            g_skeleton[i + 1],
+        )
         f += 2
 
 
@@ -224,7 +247,8 @@ def describe_back(p, skeleton, gaps, x, g_x, g, g_p, g_skeleton):
 def joint_gradient(robot, base, p_x, p_y, turn, lane, skeleton, g_p, g_skeleton, out):
     """Gradient in the joints that turn, from that in the point and the skeleton.
 
-    Turning the arm by the first of them is turning the point back; a later one turns what lies beyond it.
+    Turning the arm by the first of them is turning the point back; a later one turns what lies
+    beyond it.
 
     Args:
         robot, base: as in `place_skeleton`.

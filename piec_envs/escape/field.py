@@ -33,8 +33,8 @@ REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": _mean, "max": np.max}
 class EscapeField(Protocol):
     """Anything that answers escape times; shapes as in `BatchedField`.
 
-    On and outside the workspace disc an object has escaped: T and its gradients are 0 there, and the
-    escape path is the point alone. Points and configurations that are not finite are refused.
+    On and outside the workspace disc an object has escaped: T and its gradients are 0 there, and
+    the escape path is the point alone. Points and configurations that are not finite are refused.
     """
 
     name: str
@@ -57,7 +57,9 @@ class EscapeField(Protocol):
         """T of points and dT_dp; see `BatchedField.point_gradients`."""
         ...
 
-    def gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def gradients(
+        self, points: np.ndarray, q_r: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """T of points, dT_dp and dT_dq; see `BatchedField.gradients`."""
         ...
 
@@ -88,7 +90,8 @@ def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) ->
     Args:
         name: a row of the table of fields.
         robot_name: a row of the table of robots.
-        options: the field's other arguments; `speed` may be a `SpeedModel` or a dict of its numbers.
+        options: the field's other arguments; `speed` may be a `SpeedModel` or a dict of its
+            numbers.
 
     Returns:
         A field, to be treated as read-only.
@@ -111,8 +114,8 @@ def make_field(name: str = "grid", robot_name: str = "planar_arm", **options) ->
 def resolve_field(choice: str | Mapping[str, Any], robot_name: str) -> str | Mapping[str, Any]:
     """The choice itself, or what "auto" stands for.
 
-    That is `table` for robots whose field can be tabulated, since nothing is more exact or quicker, else
-    `network` where weights ship for the robot, else `grid`.
+    That is `table` for robots whose field can be tabulated, since nothing is more exact or quicker,
+    else `network` where weights ship for the robot, else `grid`.
 
     Args:
         choice: a name, "auto", or a mapping of the field's arguments.
@@ -135,7 +138,8 @@ def choose_field(choice: str | Mapping[str, Any], robot_name: str, **options) ->
     """The escape field that a keyword argument asks for.
 
     Args:
-        choice: a name, "auto", or a mapping of the field's arguments with a "name", by default "grid".
+        choice: a name, "auto", or a mapping of the field's arguments with a "name", by default
+            "grid".
         robot_name: a row of the table of robots.
         options: further arguments of the field.
 
@@ -183,7 +187,11 @@ def key_points_world(key_points: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 
 def object_escape_time(
-    field: EscapeField, key_points: np.ndarray, pose: np.ndarray, q_r: np.ndarray, reduce: str = "mean"
+    field: EscapeField,
+    key_points: np.ndarray,
+    pose: np.ndarray,
+    q_r: np.ndarray,
+    reduce: str = "mean",
 ) -> np.ndarray:
     """Escape time of an object, a lower bound from its key points (paper, section 4.3, eq. 6).
 

@@ -47,7 +47,14 @@ def _answer(lo, hi, robot, speed, disc, plan, q, points, out):
                 slopes_p[row, k] = point_gradient(field, x, y, t, e_x, e_y)
             if level >= ALL_GRADIENTS:
                 configuration_gradient(robot, base, scratch.frames, field, (x, y), slopes_q[row, k])
-                base_gradient(robot, scratch.frames, base, slopes_p[row, k, 0], slopes_p[row, k, 1], slopes_q[row, k])
+                base_gradient(
+                    robot,
+                    scratch.frames,
+                    base,
+                    slopes_p[row, k, 0],
+                    slopes_p[row, k, 1],
+                    slopes_q[row, k],
+                )
 
 
 class GridField(BatchedField):
@@ -68,8 +75,8 @@ class GridField(BatchedField):
 
     Raises:
         UnknownNameError: if the robot, the method or the distance is not known.
-        InvalidParameterError: if the resolution is below 16, the radius is not above 0, or the robot has no
-            such distance.
+        InvalidParameterError: if the resolution is below 16, the radius is not above 0, or the
+            robot has no such distance.
     """
 
     name = "grid"
@@ -87,10 +94,16 @@ class GridField(BatchedField):
         check_name("method", method, METHODS)
         check_name("distance", distance, DISTANCES)
         robot = get_robot(robot_name)
-        if radius is not None and not float(as_floats("radius", radius, (), InvalidParameterError)) > 0:
+        if (
+            radius is not None
+            and not float(as_floats("radius", radius, (), InvalidParameterError)) > 0
+        ):
             raise InvalidParameterError(f"radius must be above 0 m, got {radius!r}")
         super().__init__(robot_name, robot.dof, speed or SpeedModel())
-        self.resolution, self.method, self.threads, self.distance = int(resolution), method, threads, distance
+        self.resolution = int(resolution)
+        self.method = method
+        self.threads = threads
+        self.distance = distance
         self._base = robot.base_dof
         self._robot = pack_robot(robot_name)
         self._packed = self.speed.packed()
@@ -118,11 +131,24 @@ class GridField(BatchedField):
             return self._spatial.sample(q), np.zeros(2)
         scratch = make_scratch(self._robot.shapes, self._dof + 1, self._disc)
         base = place_robot(self._robot, self._base, q, scratch)
-        return solve_disc(self._robot.shapes, self._packed, self._disc, METHODS[self.method], scratch), np.array(base)
+        return solve_disc(
+            self._robot.shapes, self._packed, self._disc, METHODS[self.method], scratch
+        ), np.array(base)
 
     def _answer_rows(self, level, q, points, out):
         if self._spatial is not None:
             self._spatial.answer_rows(level, self.threads, q, points, out)
             return
         plan = METHODS[self.method], self._base, level
-        run_rows(_answer, len(q), self.threads, self._robot, self._packed, self._disc, plan, q, points, out)
+        run_rows(
+            _answer,
+            len(q),
+            self.threads,
+            self._robot,
+            self._packed,
+            self._disc,
+            plan,
+            q,
+            points,
+            out,
+        )

@@ -29,7 +29,8 @@ class PackedNetwork(NamedTuple):
     """A learned field for the compiled kernels."""
 
     layers: PackedLayers  # the weights
-    gaps: tuple[np.ndarray, np.float32]  # `pairs` (K, 2), and the distance at which walls of links meet, m
+    # `pairs` (K, 2), and the distance at which walls of links meet, m
+    gaps: tuple[np.ndarray, np.float32]
     tip: np.ndarray  # (2,) m, in the last frame
     base: int  # leading joints that move the base
     geometric: bool  # inputs "skeleton", else "raw"
@@ -88,7 +89,8 @@ def make_block(robot, network):
 
 @kernel
 def load_block(robot, network, q, points, first, last, block):
-    """Fill the lanes with the points `first`, `first` + 1, ..., counted row by row; `last` fills the rest.
+    """Fill the lanes with the points `first`, `first` + 1, ..., counted row by row; `last` fills
+    the rest.
 
     Args:
         robot: a `PackedRobot`.
@@ -103,7 +105,9 @@ def load_block(robot, network, q, points, first, last, block):
         number = min(first + lane, last)
         row = number // columns
         if row != before:
-            place = place_skeleton(robot, network.base, network.tip, q[row], block.frames, block.skeleton, lane)
+            place = place_skeleton(
+                robot, network.base, network.tip, q[row], block.frames, block.skeleton, lane
+            )
             before = row
         else:
             for m in range(block.skeleton.shape[0]):
@@ -145,14 +149,28 @@ def _gradients(robot, network, row, lane, block, slope_z, slope_rho, dT_dp, dT_d
     p_x, p_y, c, s = block.p[0, lane], block.p[1, lane], block.place[2, lane], block.place[3, lane]
     if network.geometric:
         outward = slope_rho / max(np.hypot(p_x, p_y), 1e-12)
-        g_x, g_y = slope_z * block.g_p[0, lane] + outward * p_x, slope_z * block.g_p[1, lane] + outward * p_y
+        g_x, g_y = (
+            slope_z * block.g_p[0, lane] + outward * p_x,
+            slope_z * block.g_p[1, lane] + outward * p_y,
+        )
         dT_dp[0], dT_dp[1] = c * g_x - s * g_y, s * g_x + c * g_y
     else:
         dT_dp[0], dT_dp[1] = slope_z * block.g_x[0, lane], slope_z * block.g_x[1, lane]
     if dT_dq.shape[0] == 0:
         return
     if network.geometric:
-        joint_gradient(robot, network.base, p_x, p_y, slope_z, lane, block.skeleton, block.g_p, block.g_skeleton, dT_dq)
+        joint_gradient(
+            robot,
+            network.base,
+            p_x,
+            p_y,
+            slope_z,
+            lane,
+            block.skeleton,
+            block.g_p,
+            block.g_skeleton,
+            dT_dq,
+        )
     else:
         for j in range(network.base, dT_dq.shape[0]):
             dT_dq[j] = slope_z * block.g_x[2 + j - network.base, lane]
@@ -200,16 +218,36 @@ def answer_rows(lo, hi, held, level, q, points, out):
             backward(network.layers, block.slope, block.g, block.g_x)
             if network.geometric:
                 describe_back(
-                    block.p, block.skeleton, network.gaps, block.x, block.g_x, block.spare, block.g_p, block.g_skeleton
+                    block.p,
+                    block.skeleton,
+                    network.gaps,
+                    block.x,
+                    block.g_x,
+                    block.spare,
+                    block.g_p,
+                    block.g_skeleton,
                 )
         for number in range(first, last + 1):
             row, lane = number // columns, number - first
             k = number - row * columns
-            b_x, b_y = points[row, k, 0] - block.place[0, lane], points[row, k, 1] - block.place[1, lane]
+            b_x, b_y = (
+                points[row, k, 0] - block.place[0, lane],
+                points[row, k, 1] - block.place[1, lane],
+            )
             t, slope_z, slope_rho = _time(network, block.z[lane], np.hypot(b_x, b_y))
             times[row, k] = t
             if level > VALUE:
-                _gradients(robot, network, q[row], lane, block, slope_z, slope_rho, slopes_p[row, k], slopes_q[row, k])
+                _gradients(
+                    robot,
+                    network,
+                    q[row],
+                    lane,
+                    block,
+                    slope_z,
+                    slope_rho,
+                    slopes_p[row, k],
+                    slopes_q[row, k],
+                )
 
 
 @batch_kernel
@@ -257,8 +295,13 @@ def pack_network(weights: FieldWeights) -> PackedNetwork:
     w_in = arrays["w_in"] / arrays["scale"]
     b_in = arrays["b_in"] - w_in @ arrays["mean"]
     return PackedNetwork(
-        layers=pack_layers(w_in, b_in, arrays["w"], arrays["b"], arrays["w_out"], arrays["b_out"][0]),
-        gaps=(pairs(robot.dof - robot.base_dof), np.float32(meeting_distance(weights.robot, weights.speed.d0))),
+        layers=pack_layers(
+            w_in, b_in, arrays["w"], arrays["b"], arrays["w_out"], arrays["b_out"][0]
+        ),
+        gaps=(
+            pairs(robot.dof - robot.base_dof),
+            np.float32(meeting_distance(weights.robot, weights.speed.d0)),
+        ),
         tip=robot.tip,
         base=robot.base_dof,
         geometric=weights.inputs == "skeleton",

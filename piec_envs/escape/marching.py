@@ -1,9 +1,10 @@
-"""Second-order arrival times: nodes are computed once, in the order in which the front reaches them.
+"""Second-order arrival times: nodes are computed once, in the order in which the front reaches
+them.
 
 Sethian's fast marching with the one-sided second-order differences of "Fast marching methods" (SIAM
 Review 1999, section 3): where the two upwind neighbours on an axis have arrived and T falls towards
-the far one, (3 T - 4 T_1 + T_2) / (2 h) replaces (T - T_1) / h. Fast marching finds the order with a
-heap while it computes; here it is that of the first-order solution, which sweeping delivers in a
+the far one, (3 T - 4 T_1 + T_2) / (2 h) replaces (T - T_1) / h. Fast marching finds the order with
+a heap while it computes; here it is that of the first-order solution, which sweeping delivers in a
 fraction of the heap's time. Two neighbours change places only where the front runs along the edge
 between them, and there neither contributes to the other.
 """
@@ -60,7 +61,8 @@ def march(time, cost, least, order, node, width):
         cost: slowness times cell size of the free nodes, shape (M,), s.
         least: lower bound of T on the grid, flat, shape (nodes,), s.
         order: the free nodes in order of arrival, shape (M,).
-        node: flat index of each free node, shape (M,); two rings of nodes around the grid are not free.
+        node: flat index of each free node, shape (M,); two rings of nodes around the grid are not
+            free.
         width: nodes per row.
     """
     for position in range(order.shape[0]):
@@ -73,7 +75,8 @@ def march(time, cost, least, order, node, width):
         near_b = min(time[k - width], time[k + width])
         far_b = time[k - 2 * width] if time[k - width] < time[k + width] else time[k + 2 * width]
         second_a, second_b = far_a <= near_a, far_b <= near_b
-        a = (4.0 * near_a - far_a) / 3.0 if second_a else near_a  # weight * (T - a)^2 is the squared difference
+        # weight * (T - a)^2 is the squared difference
+        a = (4.0 * near_a - far_a) / 3.0 if second_a else near_a
         b = (4.0 * near_b - far_b) / 3.0 if second_b else near_b
         t = min(a + (f / 1.5 if second_a else f), b + (f / 1.5 if second_b else f))
         w_a, w_b = 2.25 if second_a else 1.0, 2.25 if second_b else 1.0
@@ -84,7 +87,9 @@ def march(time, cost, least, order, node, width):
         time[k] = max(t, least[k])
 
 
-def fast_march(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0) -> np.ndarray:
+def fast_march(
+    slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0
+) -> np.ndarray:
     """Solve |grad T| = slowness on any grid, second order (paper, section 3.3, eq. 2).
 
     Args:
@@ -106,12 +111,21 @@ def fast_march(slowness: np.ndarray, boundary: np.ndarray, h: float, least: floa
     node = np.flatnonzero(np.pad(~given & np.isfinite(first), 2))  # (M,)
     reached = np.pad(first, 2).ravel()[node]
     cost = (np.pad(slowness, 2).ravel() * h)[node]
-    march(time.ravel(), cost, bound.ravel(), np.argsort(reached, kind="stable").astype(np.uint32), node, time.shape[1])
+    march(
+        time.ravel(),
+        cost,
+        bound.ravel(),
+        np.argsort(reached, kind="stable").astype(np.uint32),
+        node,
+        time.shape[1],
+    )
     time = time[2:-2, 2:-2]  # (n, m)
     return np.where(time < FAR / 2, time, np.inf)
 
 
-def march_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0) -> np.ndarray:
+def march_reference(
+    slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0
+) -> np.ndarray:
     """`fast_march` in plain Python: accept the least tentative time, recompute its neighbours.
 
     Args:
@@ -128,18 +142,23 @@ def march_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least:
 
     def arrival(i, j):
         """Second-order time at a node from its accepted neighbours."""
-        bases, weights, nears = [], [], []
+        bases = []
+        weights = []
+        nears = []
         for di, dj in ((0, 1), (1, 0)):
             sides = [s for s in (-1, 1) if known[i + s * di, j + s * dj]]
             if not sides:
                 continue
             s = min(sides, key=lambda s: time[i + s * di, j + s * dj])
-            near, far = (i + s * di, j + s * dj), (i + 2 * s * di, j + 2 * s * dj)
+            near = (i + s * di, j + s * dj)
+            far = (i + 2 * s * di, j + 2 * s * dj)
             second = known[far] and time[far] <= time[near]
             nears.append(time[near])
             bases.append((4 * time[near] - time[far]) / 3 if second else time[near])
             weights.append(2.25 if second else 1.0)
-        b, w, f = np.array(bases), np.array(weights), cost[i, j]
+        b = np.array(bases)
+        w = np.array(weights)
+        f = cost[i, j]
         one = (b + f / np.sqrt(w)).min()
         root = (w @ b) ** 2 - w.sum() * (w @ b**2 - f**2)  # sum of w (t - b)^2 = f^2
         if len(b) < 2 or root < 0:
@@ -151,7 +170,11 @@ def march_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least:
         """Open neighbours of a node."""
         return {(i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)} & open_nodes
 
-    for k in [k for k in open_nodes if any(known[k[0] + a, k[1] + b] for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1)))]:
+    for k in [
+        k
+        for k in open_nodes
+        if any(known[k[0] + a, k[1] + b] for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1)))
+    ]:
         time[k] = max(arrival(*k), least)
     while open_nodes:
         k = min(open_nodes, key=lambda k: time[k])

@@ -29,7 +29,8 @@ class NetworkField(BatchedField):
 
     Args:
         robot_name: a row of the table of robots.
-        weights: the name of weights that ship with the package, the path of a weight file, or the weights.
+        weights: the name of weights that ship with the package, the path of a weight file, or the
+            weights.
         threads: threads over the rows of a batch; None takes all cores.
 
     Raises:
@@ -46,23 +47,32 @@ class NetworkField(BatchedField):
         threads: int | None = None,
     ):
         self._robot = pack_robot(robot_name)
-        self.weights, self.threads = find_weights(robot_name, weights), threads
+        self.weights = find_weights(robot_name, weights)
+        self.threads = threads
         self._source = None if isinstance(weights, FieldWeights) else str(weights)
         super().__init__(robot_name, self._robot.joint_axis.shape[0], self.weights.speed)
         self._network = pack_network(self.weights)
         self._answerers = PerThread(partial(make_answerer, self._robot, self._network))
-        self._grid = GridField(robot_name, PICTURE_RESOLUTION, speed=self.weights.speed, threads=threads)
+        self._grid = GridField(
+            robot_name, PICTURE_RESOLUTION, speed=self.weights.speed, threads=threads
+        )
 
     def __reduce__(self) -> tuple:
         if self._source is not None and shipped_file(self.robot_name, self._source).is_file():
             return super().__reduce__()
         # A file may be elsewhere, or another one, where the copy is made: its weights go along.
-        return NetworkField, (self.robot_name, self.weights, self.threads), {"_source": self._source}
+        return (
+            NetworkField,
+            (self.robot_name, self.weights, self.threads),
+            {"_source": self._source},
+        )
 
     def spec(self) -> dict:
         """What makes this field again through `make_field(**spec)`, as JSON-able values."""
         if self._source is None:
-            raise WeightsError("weights that are in no file cannot be named in a spec; save them first")
+            raise WeightsError(
+                "weights that are in no file cannot be named in a spec; save them first"
+            )
         return {"name": self.name, "robot_name": self.robot_name, "weights": self._source}
 
     def describe(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
@@ -91,7 +101,9 @@ class NetworkField(BatchedField):
 
     def _answer_rows(self, level, q, points, out):
         work = POINT_WORK * points.shape[0] * points.shape[1]
-        run_rows(_answer_rows, len(q), self.threads, self._answerers, level, q, points, out, work=work)
+        run_rows(
+            _answer_rows, len(q), self.threads, self._answerers, level, q, points, out, work=work
+        )
 
 
 def _answer_rows(lo: int, hi: int, answerers: PerThread, *arrays: Any) -> None:

@@ -41,7 +41,8 @@ class ObstacleField:
 
     Raises:
         UnknownNameError: if the method is not known.
-        InvalidParameterError: if there is no obstacle, the radius is not above 0, or the resolution is below 16.
+        InvalidParameterError: if there is no obstacle, the radius is not above 0, or the resolution
+            is below 16.
     """
 
     def __init__(
@@ -109,5 +110,7 @@ class ObstacleField:
 
 
 def even_speed(leak: float = 0.0) -> SpeedModel:
-    """Speed 1 outside obstacles and `leak` inside, without a band around them (paper, section 3.4)."""
+    """Speed 1 outside obstacles and `leak` inside, without a band around them (paper,
+    section 3.4).
+    """
     return SpeedModel(u_bar=1.0, a_min=1.0, d0=0.0, leak=leak)

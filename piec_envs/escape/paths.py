@@ -5,8 +5,9 @@ so only the medium's change counts (envelope theorem):
 
     dT/dq = integral of kappa'(d) dd/dq ds,    dd/dq = -n . J of the closest surface point.
 
-Where the only way out leads through a leaky wall, the motion of the wall's edges is left out: a path
-enters and leaves one link by two jumps that nearly cancel, and their difference on a grid is noise.
+Where the only way out leads through a leaky wall, the motion of the wall's edges is left out: a
+path enters and leaves one link by two jumps that nearly cancel, and their difference on a grid is
+noise.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ def _lower_node(field, x, y, t):
         a, b = i - 1 + k // 4, j - 1 + k % 4
         n_t, n_x, n_y = field.time[a, b], field.start + b * field.h, field.start + a * field.h
         if n_t < t:
-            total = n_t + np.hypot(n_x - x, n_y - y) * slowness(field.speed, distance_at(field, x, y))
+            total = n_t + np.hypot(n_x - x, n_y - y) * slowness(
+                field.speed, distance_at(field, x, y)
+            )
             if total < best:
                 best, b_t, b_x, b_y = total, n_t, n_x, n_y
     return b_t, b_x, b_y
@@ -47,7 +50,8 @@ def _clip_to_circle(radius, x, y, to_x, to_y):
     a, b, c = d_x * d_x + d_y * d_y, x * d_x + y * d_y, x * x + y * y - radius * radius
     w = (-b + np.sqrt(b * b - a * c)) / a
     n_x, n_y = x + w * d_x, y + w * d_y
-    scale = radius * (1.0 + 1e-15) / np.hypot(n_x, n_y)  # on the outer side of rounding, where T is 0
+    # on the outer side of rounding, where T is 0
+    scale = radius * (1.0 + 1e-15) / np.hypot(n_x, n_y)
     return scale * n_x, scale * n_y
 
 
@@ -112,7 +116,9 @@ def trace(field, x, y, path):
 def _add_segment(robot, base, frames, field, x, y, to_x, to_y, out):
     """Add one segment's share of dT/dq to `out`, shape (n,)."""
     length = np.hypot(to_x - x, to_y - y)
-    d, shape, s_x, s_y, n_x, n_y = point_distance(robot.shapes, field.vertices, 0.5 * (x + to_x), 0.5 * (y + to_y))
+    d, shape, s_x, s_y, n_x, n_y = point_distance(
+        robot.shapes, field.vertices, 0.5 * (x + to_x), 0.5 * (y + to_y)
+    )
     weight = slowness_slope(field.speed, d) * length
     for j in range(base, robot.shapes.frame[shape]):
         v_x, v_y = point_velocity(robot, frames, j, s_x, s_y)

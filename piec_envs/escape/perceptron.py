@@ -1,7 +1,8 @@
-"""A multi-layer perceptron, evaluated for LANES inputs side by side, and its gradient in the inputs.
+"""A multi-layer perceptron, evaluated for LANES inputs side by side, and its gradient in the
+inputs.
 
-Hidden layers have one width H, a multiple of four, and the activation x/2 (1 + x / sqrt(1 + x^2)), a
-SiLU without exponential. Arrays end with the axis of lanes.
+Hidden layers have one width H, a multiple of four, and the activation x/2 (1 + x / sqrt(1 + x^2)),
+a SiLU without exponential. Arrays end with the axis of lanes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from piec_envs.escape.features import LANES
 from piec_envs.kernels import lane_kernel
 
 BLOCK = 4  # outputs that one pass over the inputs adds up
-_ZERO, _HALF, _ONE, _TWO = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
 
 
 class PackedLayers(NamedTuple):
@@ -44,7 +48,8 @@ def pack_layers(w_in, b_in, w, b, w_out, b_out) -> PackedLayers:
         The same as float32, F padded, and what serves the gradient.
     """
     padding = -w_in.shape[1] % BLOCK
-    w_in, w = np.pad(w_in, ((0, 0), (0, padding))).astype(np.float32), np.ascontiguousarray(w, dtype=np.float32)
+    w_in = np.pad(w_in, ((0, 0), (0, padding))).astype(np.float32)
+    w = np.ascontiguousarray(w, dtype=np.float32)
     return PackedLayers(
         np.ascontiguousarray(w_in),
         np.ascontiguousarray(b_in, dtype=np.float32),

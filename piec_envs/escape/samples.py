@@ -39,21 +39,26 @@ def robot_distance(robot_name: str, points: np.ndarray, q_r: np.ndarray) -> np.n
     Returns:
         d, shape (B, k) or (k,), m.
     """
-    points, q = np.asarray(points, dtype=float), np.asarray(q_r, dtype=float)
+    points = np.asarray(points, dtype=float)
+    q = np.asarray(q_r, dtype=float)
     columns = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))  # (B, k, 2)
     out = np.empty(columns.shape[:2])
-    _distances(pack_robot(robot_name), np.ascontiguousarray(q.reshape(len(columns), -1)), columns, out)
+    _distances(
+        pack_robot(robot_name), np.ascontiguousarray(q.reshape(len(columns), -1)), columns, out
+    )
     return out.reshape(points.shape[:-1])
 
 
-def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Generator) -> np.ndarray:
+def draw_configurations(
+    robot_name: str, kind: str, rows: int, rng: np.random.Generator
+) -> np.ndarray:
     """Random configurations.
 
     Args:
         robot_name: a row of the table of robots.
-        kind: "uniform" within the limits; "curled": all joints but the first bend to one side by 0.6 to
-            2.6 rad, as far as the limits allow; "closing": curled, with two links that could collide up to
-            0.1 m apart (of a robot without such links just curled).
+        kind: "uniform" within the limits; "curled": all joints but the first bend to one side by
+            0.6 to 2.6 rad, as far as the limits allow; "closing": curled, with two links that could
+            collide up to 0.1 m apart (of a robot without such links just curled).
         rows: how many.
         rng: source of randomness.
 
@@ -74,10 +79,12 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
             kept = np.concatenate([kept, q[(gap >= CLOSING[0]) & (gap <= CLOSING[1])]])
         return kept[:rows]
     robot = get_robot(robot_name)
-    lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
+    lower = robot.joint_array("lower")
+    upper = robot.joint_array("upper")
     q = rng.uniform(lower, upper, size=(rows, robot.dof))
     if kind == "curled":
-        first, straight = robot.base_dof + 1, robot.straight
+        first = robot.base_dof + 1
+        straight = robot.straight
         side = rng.choice(robot.curl_sides(CURL[0]), size=(rows, 1))
         bend = side * rng.uniform(*CURL, size=(rows, robot.dof - first))
         q[:, first:] = np.clip(straight[first:] + bend, lower[first:], upper[first:])
@@ -85,7 +92,12 @@ def draw_configurations(robot_name: str, kind: str, rows: int, rng: np.random.Ge
 
 
 def draw_points(
-    robot_name: str, kind: str, q_r: np.ndarray, k: int, rng: np.random.Generator, clearance: float = 0.05
+    robot_name: str,
+    kind: str,
+    q_r: np.ndarray,
+    k: int,
+    rng: np.random.Generator,
+    clearance: float = 0.05,
 ) -> np.ndarray:
     """Random points inside the workspace disc and clear of the robot, for robots with a fixed base.
 
@@ -103,14 +115,19 @@ def draw_points(
     radius = get_robot(robot_name).workspace_radius
     points = np.empty((len(q_r), k, 2))
     for row, q in enumerate(q_r):
-        centre, reach = np.zeros(2), radius
+        centre = np.zeros(2)
+        reach = radius
         if kind == "curled":
-            centre, reach = robot_vertices(robot_name, q[None])[0].mean(axis=0), CURLED_REACH
+            centre = robot_vertices(robot_name, q[None])[0].mean(axis=0)
+            reach = CURLED_REACH
         kept = np.empty((0, 2))
         while len(kept) < k:
-            angle, r = rng.uniform(0, 2 * np.pi, k), reach * np.sqrt(rng.uniform(size=k))
+            angle = rng.uniform(0, 2 * np.pi, k)
+            r = reach * np.sqrt(rng.uniform(size=k))
             batch = centre + np.column_stack([r * np.cos(angle), r * np.sin(angle)])  # (k, 2)
-            clear = (robot_distance(robot_name, batch, q) > clearance) & (np.hypot(*batch.T) < radius)
+            clear = (robot_distance(robot_name, batch, q) > clearance) & (
+                np.hypot(*batch.T) < radius
+            )
             kept = np.concatenate([kept, batch[clear]])
         points[row] = kept[:k]
     return points

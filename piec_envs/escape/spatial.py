@@ -1,7 +1,7 @@
 """The exact escape time around the Panda's bodies in space, in the plane that it moves in.
 
-The distance is that of the robot distance field at the height of the plane. A body is felt as far as
-it is away there: it need not cut the plane, and its shadow on the plane is larger than it.
+The distance is that of the robot distance field at the height of the plane. A body is felt as far
+as it is away there: it need not cut the plane, and its shadow on the plane is larger than it.
 """
 
 from __future__ import annotations
@@ -23,13 +23,17 @@ from piec_envs.world.robots.franka import ACTIVE, PLANE, all_joints
 from piec_envs.world.robots.panda import body_frames
 
 ROBOTS_IN_SPACE = ("franka",)
-_NONE, _PAIRS, _ROWS = np.empty(0), np.empty((0, 2)), np.empty(0, dtype=np.int64)
+_NONE = np.empty(0)
+_PAIRS = np.empty((0, 2))
+_ROWS = np.empty(0, dtype=np.int64)
 NO_SHAPES = PackedShapes(np.zeros(1, dtype=np.int64), _PAIRS, _NONE, _ROWS, _ROWS, _PAIRS, _NONE)
 
 
 @kernel
 def _ridge(rdf, frames, x, y, reach, work):
-    """The distance on the middle of a passage within `reach` uphill of a node, or the node's own, m."""
+    """The distance on the middle of a passage within `reach` uphill of a node, or the node's own,
+    m.
+    """
     d, _, n = arm_slope(rdf, frames, (x, y, PLANE), work)
     rise = np.hypot(n[0], n[1])
     if rise < 1e-6:
@@ -44,7 +48,9 @@ def _ridge(rdf, frames, x, y, reach, work):
 
 @batch_kernel
 def _measure(rdf, frames, d0, disc, near):
-    """Distances of the disc's nodes, shape (M + E,), m; beside the middle of a passage as in `lift_to_axis`."""
+    """Distances of the disc's nodes, shape (M + E,), m; beside the middle of a passage as in
+    `lift_to_axis`.
+    """
     work, reach = make_rdf_scratch(rdf), REACH * disc.h
     for k in range(near.shape[0]):
         near[k] = arm_distance(rdf, frames, (disc.x[k], disc.y[k], PLANE), work)
@@ -124,7 +130,9 @@ class SpatialDisc:
                 f'distance="rdf" is for: {", ".join(ROBOTS_IN_SPACE)}'
             )
         self._fixed = panda_distance_field().packed, NO_SHAPES
-        self._speed, self._disc, self._second_order = speed, disc, second_order
+        self._speed = speed
+        self._disc = disc
+        self._second_order = second_order
 
     def sample(self, q: np.ndarray) -> Field:
         """One configuration on the grid, from q of shape (n,), rad."""
@@ -132,7 +140,9 @@ class SpatialDisc:
         frames = body_frames(all_joints(q))
         return _solve(*self._fixed, frames, self._speed, self._disc, self._second_order, scratch)
 
-    def answer_rows(self, level: int, threads: int | None, q: np.ndarray, points: np.ndarray, out: tuple) -> None:
+    def answer_rows(
+        self, level: int, threads: int | None, q: np.ndarray, points: np.ndarray, out: tuple
+    ) -> None:
         """Fill `out` with the escape times of a batch, and gradients as far as the level asks.
 
         Args:
@@ -142,5 +152,17 @@ class SpatialDisc:
             points: shape (B, k, 2), m.
             out: output, T (B, k), s, dT_dp (B, k, 2), s/m, and dT_dq (B, k, n), s/rad.
         """
-        plan, frames = (self._second_order, level), body_frames(all_joints(q))
-        run_rows(_answer, len(q), threads, *self._fixed, self._speed, self._disc, plan, frames, points, out)
+        plan = (self._second_order, level)
+        frames = body_frames(all_joints(q))
+        run_rows(
+            _answer,
+            len(q),
+            threads,
+            *self._fixed,
+            self._speed,
+            self._disc,
+            plan,
+            frames,
+            points,
+            out,
+        )

@@ -66,7 +66,9 @@ class SpeedModel:
         ):
             value = getattr(self, name)
             if not (np.isfinite(value) and (low <= value < high or (end == "]" and value == high))):
-                raise InvalidParameterError(f"{name} must be finite and in [{low}, {high}{end}, got {value}")
+                raise InvalidParameterError(
+                    f"{name} must be finite and in [{low}, {high}{end}, got {value}"
+                )
             object.__setattr__(self, name, float(value))
 
     def speed(self, d):
@@ -90,14 +92,17 @@ class SpeedModel:
 
 @kernel
 def decay(z):
-    """exp(z) to a relative 1e-12 for |z| <= 20, by ten squarings of a Taylor series, so that loops vectorise.
+    """exp(z) to a relative 1e-12 for |z| <= 20, by ten squarings of a Taylor series, so that loops
+    vectorise.
 
     Beyond |z| = 40 it stays constant: there alpha equals one of its two limits to 1e-17.
     """
     z = z if z < 40.0 else 40.0
     z = z if z > -40.0 else -40.0
     w = z / 1024.0
-    e = 1.0 + w * (1.0 + w / 2.0 * (1.0 + w / 3.0 * (1.0 + w / 4.0 * (1.0 + w / 5.0 * (1.0 + w / 6.0)))))
+    e = 1.0 + w * (
+        1.0 + w / 2.0 * (1.0 + w / 3.0 * (1.0 + w / 4.0 * (1.0 + w / 5.0 * (1.0 + w / 6.0))))
+    )
     for _ in range(10):
         e = e * e
     return e
@@ -160,7 +165,9 @@ def _lower_to_capsule(a, b, radius, x, y, distance):
 
 @batch_kernel
 def _lower_to_polygon(corners, radius, x, y, distance, square, depth):
-    """Lower `distance` (M,) to that of a rounded polygon with `corners` (k, 2), k > 2, at (x, y)."""
+    """Lower `distance` (M,) to that of a rounded polygon with `corners` (k, 2), k > 2, at
+    (x, y).
+    """
     square[:] = np.inf
     depth[:] = -np.inf
     for i in range(corners.shape[0]):
@@ -186,7 +193,8 @@ def _lower_to_polygon(corners, radius, x, y, distance, square, depth):
 
 @batch_kernel
 def distance_map(shapes, vertices, x, y, distance, work):
-    """Signed distance to the robot at many points: `point_distance`, shape by shape, in loops that vectorise.
+    """Signed distance to the robot at many points: `point_distance`, shape by shape, in loops that
+    vectorise.
 
     Args:
         shapes: the robot's `PackedShapes`.
@@ -201,7 +209,9 @@ def distance_map(shapes, vertices, x, y, distance, work):
         if last - first < 3:
             _lower_to_capsule(vertices[first], vertices[last - 1], shapes.radius[i], x, y, distance)
         else:
-            _lower_to_polygon(vertices[first:last], shapes.radius[i], x, y, distance, work[0], work[1])
+            _lower_to_polygon(
+                vertices[first:last], shapes.radius[i], x, y, distance, work[0], work[1]
+            )
 
 
 @kernel

@@ -7,9 +7,10 @@ sweeping method for eikonal equations", 2005). Indices are unsigned where loops 
 Numba then needs no test for negative ones.
 
 The cost of an edge is the mean of its two nodes, f_a and f_b on the two axes, and Godunov's update
-from the lesser neighbours a and b is the root of (t - a)^2 / f_a^2 + (t - b)^2 / f_b^2 = 1. With the
-node's own cost on both axes the error near the robot is 1.5 to 2.5 times as large. On a crest of T,
-where the two neighbours on an axis are equal and their costs are not, the least value met is kept.
+from the lesser neighbours a and b is the root of (t - a)^2 / f_a^2 + (t - b)^2 / f_b^2 = 1. With
+the node's own cost on both axes the error near the robot is 1.5 to 2.5 times as large. On a crest
+of T, where the two neighbours on an axis are equal and their costs are not, the least value met is
+kept.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ def diagonal_layout(free: np.ndarray) -> Diagonals:
 
 def _extent(mask: np.ndarray) -> np.ndarray:
     """First and last + 1 set column of each row, shape (..., 2), both 0 where there is none."""
-    first, last = mask.argmax(-1), mask.shape[-1] - mask[..., ::-1].argmax(-1)
+    first = mask.argmax(-1)
+    last = mask.shape[-1] - mask[..., ::-1].argmax(-1)
     return (np.stack([first, last], -1) * np.asarray(mask.any(-1))[..., None]).astype(np.uint64)
 
 
@@ -69,7 +71,9 @@ def to_diagonals(grid, flip, out):
 
 @batch_kernel
 def _relax(field, cost, least, first, count, width):
-    """Godunov's upwind update of `count` neighbours on one diagonal; returns how many became smaller."""
+    """Godunov's upwind update of `count` neighbours on one diagonal; returns how many became
+    smaller.
+    """
     changed = 0
     one = uint64(1)
     for j in range(count):
@@ -134,7 +138,8 @@ def sweep_to_rest(field, cost, least, layout):
     """Sweep in the four directions in turn until one sweep changes nothing.
 
     Args:
-        field: T in both layouts, shape (2, n + m - 1, m), updated in place; free nodes start at FAR.
+        field: T in both layouts, shape (2, n + m - 1, m), updated in place; free nodes start at
+            FAR.
         cost: slowness times cell size in both layouts, of the same shape, s; WALL in hard walls.
         least: lower bound of T in both layouts, of the same shape, s; FAR at nodes that are not
             free, which keeps them as they are.
@@ -155,7 +160,9 @@ def sweep_to_rest(field, cost, least, layout):
             copy_flipped(field, flip, layout.rows)
 
 
-def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0) -> np.ndarray:
+def sweep(
+    slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | np.ndarray = 0.0
+) -> np.ndarray:
     """Solve |grad T| = slowness on any grid, first order (paper, section 3.3, eq. 2).
 
     Args:
@@ -175,7 +182,9 @@ def sweep(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float | n
     grids = (
         np.pad(np.minimum(boundary, FAR), 1, constant_values=FAR),
         np.pad(np.minimum(slowness * h, WALL), 1, constant_values=WALL),
-        np.where(free, np.pad(np.broadcast_to(np.asarray(least, dtype=float), slowness.shape), 1), FAR),
+        np.where(
+            free, np.pad(np.broadcast_to(np.asarray(least, dtype=float), slowness.shape), 1), FAR
+        ),
     )
     layouts = np.full((3, 2, sum(free.shape) - 1, free.shape[1]), FAR)
     for grid, pair in zip(grids, layouts, strict=True):
@@ -200,13 +209,18 @@ def check_scene(slowness: np.ndarray, boundary: np.ndarray) -> None:
     """
     if slowness.shape != boundary.shape or slowness.ndim != 2:
         raise InvalidParameterError(
-            f"slowness and boundary must have one shape (n, m), got {slowness.shape} and {boundary.shape}"
+            f"slowness and boundary must have one shape (n, m), got {slowness.shape} and "
+            f"{boundary.shape}"
         )
     if not (slowness > 0).all() or np.isinf(slowness[np.isfinite(boundary)]).any():
-        raise InvalidParameterError("slowness must be positive, and finite wherever the boundary gives T")
+        raise InvalidParameterError(
+            "slowness must be positive, and finite wherever the boundary gives T"
+        )
 
 
-def sweep_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0) -> np.ndarray:
+def sweep_reference(
+    slowness: np.ndarray, boundary: np.ndarray, h: float, least: float = 0.0
+) -> np.ndarray:
     """`sweep` in plain Python: Gauss-Seidel over all nodes in four orders until nothing changes.
 
     Args:
@@ -233,6 +247,8 @@ def sweep_reference(slowness: np.ndarray, boundary: np.ndarray, h: float, least:
                 (a, f), (b, g) = sorted([neighbour(i, j, 0, 1), neighbour(i, j, 1, 0)])
                 t = a + f
                 if t > b:  # (t - a)^2 / f^2 + (t - b)^2 / g^2 = 1
-                    t = (g**2 * a + f**2 * b + f * g * np.sqrt(f**2 + g**2 - (b - a) ** 2)) / (f**2 + g**2)
+                    t = (g**2 * a + f**2 * b + f * g * np.sqrt(f**2 + g**2 - (b - a) ** 2)) / (
+                        f**2 + g**2
+                    )
                 time[i, j] = min(time[i, j], max(t, least))
     return time[1:-1, 1:-1]

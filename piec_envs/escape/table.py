@@ -30,9 +30,9 @@ POINT_WORK = 0.15  # us of a point, about
 class TableField(BatchedField):
     """Escape time from a table over the point and two inner joints, read multi-linearly.
 
-    The table is solved at second order when a field is first asked for, on all cores, and kept in the
-    user's cache. Inside the wall the field continues the free one; beyond a joint's limits it keeps the
-    value that it has there.
+    The table is solved at second order when a field is first asked for, on all cores, and kept in
+    the user's cache. Inside the wall the field continues the free one; beyond a joint's limits it
+    keeps the value that it has there.
 
     Args:
         robot_name: a row of the table of robots, with three turning joints, the first at the base.
@@ -43,8 +43,8 @@ class TableField(BatchedField):
 
     Raises:
         UnknownNameError: if the robot is not known.
-        InvalidParameterError: if the robot has other joints, the wall is hard, or the table would be
-            too coarse or too large.
+        InvalidParameterError: if the robot has other joints, the wall is hard, or the table would
+            be too coarse or too large.
     """
 
     name = "table"
@@ -61,8 +61,11 @@ class TableField(BatchedField):
         super().__init__(robot_name, robot.dof, speed or SpeedModel())
         _check_robot(robot)
         if self.leak == 0.0:
-            raise InvalidParameterError("a hard wall (leak 0) has infinite times, which no table holds; use 'grid'")
-        self.resolution, self.threads = as_count("resolution", resolution, MIN_RESOLUTION), threads
+            raise InvalidParameterError(
+                "a hard wall (leak 0) has infinite times, which no table holds; use 'grid'"
+            )
+        self.resolution = as_count("resolution", resolution, MIN_RESOLUTION)
+        self.threads = threads
         self.spacing = _checked_spacing(spacing)
         self._robot = pack_robot(robot_name)
         self._table = self._make(robot)
@@ -89,7 +92,9 @@ class TableField(BatchedField):
         field, base = self._grid.sample(q)
         axis = field.start + field.h * np.arange(len(field.time))  # (N,)
         nodes = np.stack(np.meshgrid(axis, axis), axis=-1)  # (N, N, 2)
-        free = (np.hypot(*nodes.transpose(2, 0, 1)) < field.radius) & (field.distance > self.speed.d0)
+        free = (np.hypot(*nodes.transpose(2, 0, 1)) < field.radius) & (
+            field.distance > self.speed.d0
+        )
         field.time[free] = self.query(nodes[free] + base, q)
         return field, base
 
@@ -100,8 +105,10 @@ class TableField(BatchedField):
         shape = (*map(len, axes), self.resolution, self.resolution)
         if 4 * math.prod(shape) > MAX_BYTES:
             raise InvalidParameterError(
-                f"a table of {' x '.join(map(str, shape))} numbers is larger than {MAX_BYTES / 1e9:g} GB; "
-                f"take a larger spacing than {self.spacing:g} or a lower resolution than {self.resolution}"
+                f"a table of {' x '.join(map(str, shape))} numbers is larger than "
+                f"{MAX_BYTES / 1e9:g} GB; "
+                f"take a larger spacing than {self.spacing:g} or a lower resolution than "
+                f"{self.resolution}"
             )
         disc = fine_disc(robot.workspace_radius, self.u_bar, self.resolution)
 
@@ -132,7 +139,17 @@ class TableField(BatchedField):
 
     def _answer_rows(self, level, q, points, out):
         work = POINT_WORK * points.shape[0] * points.shape[1]
-        run_rows(interpolate_rows, len(q), self.threads, self._packed.held, level, q, points, out, work=work)
+        run_rows(
+            interpolate_rows,
+            len(q),
+            self.threads,
+            self._packed.held,
+            level,
+            q,
+            points,
+            out,
+            work=work,
+        )
 
 
 def can_tabulate(robot: Robot) -> bool:
@@ -145,17 +162,21 @@ def can_tabulate(robot: Robot) -> bool:
 
 
 def _check_robot(robot: Robot) -> None:
-    """Raise InvalidParameterError unless the field depends on the turned point and two joints alone."""
+    """Raise InvalidParameterError unless the field depends on the turned point and two joints
+    alone.
+    """
     turning = robot.joints[robot.base_dof :]
     inner = len(turning) - 1
     if inner != INNER_JOINTS:
         raise InvalidParameterError(
-            f"the table holds every posture of {INNER_JOINTS} turning joints after the first, but {robot.name!r} has "
+            f"the table holds every posture of {INNER_JOINTS} turning joints after the first, "
+            f"but {robot.name!r} has "
             f"{inner}: each one more multiplies its size by about 50; use 'network' or 'grid'"
         )
     if any(joint.axis[:2] != (0.0, 0.0) for joint in turning) or any(turning[0].origin[:2]):
         raise InvalidParameterError(
-            f"the table needs joints that only turn, the first at the centre of the disc; those of {robot.name!r} "
+            f"the table needs joints that only turn, the first at the centre of the disc; those "
+            f"of {robot.name!r} "
             "do not: use 'network' or 'grid'"
         )
 
@@ -164,5 +185,7 @@ def _checked_spacing(spacing: float) -> float:
     """The spacing, within SPACINGS."""
     spacing = float(as_floats("spacing", spacing, (), InvalidParameterError))
     if not SPACINGS[0] <= spacing <= SPACINGS[1]:
-        raise InvalidParameterError(f"spacing must be within {SPACINGS[0]} and {SPACINGS[1]} rad, got {spacing}")
+        raise InvalidParameterError(
+            f"spacing must be within {SPACINGS[0]} and {SPACINGS[1]} rad, got {spacing}"
+        )
     return spacing

@@ -1,7 +1,8 @@
 """Tables on disk, mapped into memory so that processes share them.
 
-A file is one line of text, padded with spaces, and the numbers. The line names the format, the digest of
-all that the table depends on, and a checksum of the numbers. What does not fit is made again.
+A file is one line of text, padded with spaces, and the numbers. The line names the format, the
+digest of all that the table depends on, and a checksum of the numbers. What does not fit is made
+again.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ HEADER = 128  # bytes before the numbers
 _in_use: WeakValueDictionary[tuple[Path | None, str], np.ndarray] = WeakValueDictionary()
 
 
-def kept_table(name: str, digest: str, shape: tuple[int, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+def kept_table(
+    name: str, digest: str, shape: tuple[int, ...], make: Callable[[], np.ndarray]
+) -> np.ndarray:
     """A table from the user's cache, made and put there if there is none that fits.
 
     Args:
@@ -30,8 +33,8 @@ def kept_table(name: str, digest: str, shape: tuple[int, ...], make: Callable[[]
         make: makes it, float32.
 
     Returns:
-        A read-only array, the same one as long as this process uses it; in memory alone where the folder
-        cannot be written.
+        A read-only array, the same one as long as this process uses it; in memory alone where the
+        folder cannot be written.
     """
     folder = cache_folder()
     path = folder / "tables" / f"{name}-{digest[:16]}.table" if folder else None
@@ -41,7 +44,9 @@ def kept_table(name: str, digest: str, shape: tuple[int, ...], make: Callable[[]
     return table
 
 
-def _from_file(path: Path | None, digest: str, shape: tuple[int, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
+def _from_file(
+    path: Path | None, digest: str, shape: tuple[int, ...], make: Callable[[], np.ndarray]
+) -> np.ndarray:
     """The table of that file, or one that is made now and put there."""
     kept = _read(path, digest, shape) if path else None
     if kept is not None:

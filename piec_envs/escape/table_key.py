@@ -1,4 +1,6 @@
-"""What a kept table is found by: a version, and a digest of all that is given to what computes it."""
+"""What a kept table is found by: a version, and a digest of all that is given to what
+computes it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-VERSION = 1  # of the numbers in a table: raised with every change of code that moves them, which a test notices
+# of the numbers in a table: raised with every change of code that moves them, which a test notices
+VERSION = 1
 
 
 def table_key(*inputs: Any) -> str:

@@ -1,12 +1,12 @@
 """The exact escape time at every node of a table over points and two joints, and between the nodes.
 
 A disc workspace makes the field of a robot whose first turning joint stands at its base depend on
-the point turned by -q_1 and on the inner joints alone. The table holds the excess E = T - T_0 over the
-straight way, which is 0 wherever nothing is in the way, and is read multi-linearly.
+the point turned by -q_1 and on the inner joints alone. The table holds the excess E = T - T_0 over
+the straight way, which is 0 wherever nothing is in the way, and is read multi-linearly.
 
-T jumps at the edge of the wall, and points just outside lie in cells with nodes inside it. So the wall's
-nodes hold the continuation of the free field on their own side of it instead: the arrival times of a front that
-enters the wall at the speed that the law of free space has there.
+T jumps at the edge of the wall, and points just outside lie in cells with nodes inside it. So the
+wall's nodes hold the continuation of the free field on their own side of it instead: the arrival
+times of a front that enters the wall at the speed that the law of free space has there.
 """
 
 from __future__ import annotations
@@ -60,14 +60,18 @@ def fine_disc(radius: float, u_bar: float, resolution: int) -> Disc:
 
 @kernel
 def _from_neighbours(a, b, f):
-    """T of a node from the lesser neighbour a along one axis and b along the other, f being its cost, all s."""
+    """T of a node from the lesser neighbour a along one axis and b along the other, f being its
+    cost, all s.
+    """
     gap = abs(a - b)
     return min(a, b) + f if gap >= f else 0.5 * (a + b + np.sqrt(2.0 * f * f - gap * gap))
 
 
 @kernel
 def _farther(time, distance, n, step):
-    """T of the neighbour of node n along one axis that is farther from the robot than n; FAR if none is."""
+    """T of the neighbour of node n along one axis that is farther from the robot than n; FAR if
+    none is.
+    """
     m = n - step if distance[n - step] > distance[n + step] else n + step
     return time[m] if distance[m] > distance[n] else FAR
 
@@ -76,8 +80,9 @@ def _farther(time, distance, n, step):
 def _continue_into_wall(speed, disc, scratch):
     """Replace T at the nodes inside the wall by the continuation of the free field.
 
-    Going deeper, each node is reached from the neighbours that are farther from the robot, so that the two sides of
-    a wall do not mix. Nodes without such neighbours, in pockets, take the least way from any.
+    Going deeper, each node is reached from the neighbours that are farther from the robot, so that
+    the two sides of a wall do not mix. Nodes without such neighbours, in pockets, take the least
+    way from any.
 
     Args:
         speed: (`PackedSpeed`, the same without a wall).
@@ -126,7 +131,9 @@ def _tabulate(lo, hi, robot, speed, disc, base, q, out):
         _continue_into_wall(speed, disc, scratch)
         for i in range(out.shape[1]):
             for j in range(out.shape[2]):
-                out[row, i, j] = scratch.time[STRIDE * i, STRIDE * j] - disc.bound[STRIDE * i, STRIDE * j]
+                out[row, i, j] = (
+                    scratch.time[STRIDE * i, STRIDE * j] - disc.bound[STRIDE * i, STRIDE * j]
+                )
 
 
 def tabulate(robot, speed: SpeedModel, disc: Disc, axes: tuple, threads: int | None) -> np.ndarray:
@@ -155,7 +162,9 @@ def tabulate(robot, speed: SpeedModel, disc: Disc, axes: tuple, threads: int | N
 
 @kernel
 def _cell(position, count):
-    """(index, place within the cell, slope of the place) on an axis, beyond whose ends nothing changes."""
+    """(index, place within the cell, slope of the place) on an axis, beyond whose ends nothing
+    changes.
+    """
     slope = 1.0 if -ROUNDING <= position <= count - 1 + ROUNDING else 0.0
     position = min(max(position, 0.0), count - 1.0)
     i = min(int(position), count - 2)
@@ -189,7 +198,13 @@ def _excess(table, cell_a, cell_b, x, y):
     e_x = (1.0 - w) * (x_00 + z * (x_01 - x_00)) + w * (x_10 + z * (x_11 - x_10))
     e_y = (1.0 - w) * (y_00 + z * (y_01 - y_00)) + w * (y_10 + z * (y_11 - y_10))
     e_b = (1.0 - w) * (e_01 - e_00) + w * (e_11 - e_10)
-    return e, e_x / table.h, e_y / table.h, slope_a * (high - low) / table.step[0], slope_b * e_b / table.step[1]
+    return (
+        e,
+        e_x / table.h,
+        e_y / table.h,
+        slope_a * (high - low) / table.step[0],
+        slope_b * e_b / table.step[1],
+    )
 
 
 @batch_kernel

@@ -1,7 +1,7 @@
 """The weights of a learned field and their file: arrays as npz, all else as a JSON sidecar.
 
-Nothing is unpickled. The sidecar names the robot and carries a digest of its geometry and one of the
-arrays, so that a file that is broken, mixed up or made for another robot is refused.
+Nothing is unpickled. The sidecar names the robot and carries a digest of its geometry and one of
+the arrays, so that a file that is broken, mixed up or made for another robot is refused.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class FieldWeights:
     """A trained escape field.
 
     With inputs "skeleton" the network sees the features of `piec_envs.escape.features` and answers
-    T = T_0(p) exp(softplus(z - 3)), which keeps T = 0 on the circle and T >= T_0. With "raw" it sees
-    (p, q_r) and answers T = softplus(z), as in the paper.
+    T = T_0(p) exp(softplus(z - 3)), which keeps T = 0 on the circle and T >= T_0. With "raw" it
+    sees (p, q_r) and answers T = softplus(z), as in the paper.
 
     Args:
         robot: name of the robot.
@@ -74,7 +74,8 @@ class FieldWeights:
 
     def _check_shapes(self) -> None:
         inputs = input_count(self.robot, self.inputs)
-        width, layers = self.arrays["b_in"].size, len(self.arrays["b"])
+        width = self.arrays["b_in"].size
+        layers = len(self.arrays["b"])
         shapes = {
             "mean": (inputs,),
             "scale": (inputs,),
@@ -88,11 +89,15 @@ class FieldWeights:
         for name, shape in shapes.items():
             array = self.arrays[name]
             if array.shape != shape or not np.isfinite(array).all():
-                raise WeightsError(f"{name} must be finite, of shape {shape}; got shape {array.shape}")
+                raise WeightsError(
+                    f"{name} must be finite, of shape {shape}; got shape {array.shape}"
+                )
         if not (self.arrays["scale"] > 0).all():
             raise WeightsError("scale must be above 0")
         if width == 0 or width % BLOCK:
-            raise WeightsError(f"the width of the hidden layers must be a multiple of {BLOCK}, got {width}")
+            raise WeightsError(
+                f"the width of the hidden layers must be a multiple of {BLOCK}, got {width}"
+            )
 
     @property
     def digest(self) -> str:
@@ -137,21 +142,31 @@ class FieldWeights:
             path: of the npz file.
 
         Raises:
-            WeightsError: if a file is missing, truncated, no weight file, or does not fit its sidecar.
+            WeightsError: if a file is missing, truncated, no weight file, or does not fit its
+                sidecar.
         """
         path = Path(path).with_suffix(".npz")
         try:
             meta = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
             if meta["format"] != FORMAT:
-                raise WeightsError(f"{path} has format {meta['format']!r}, but {FORMAT!r} is needed")
+                raise WeightsError(
+                    f"{path} has format {meta['format']!r}, but {FORMAT!r} is needed"
+                )
             with np.load(path, allow_pickle=False) as data:
                 arrays = {name: np.array(data[name], dtype=np.float32) for name in ARRAYS}
             if array_digest(arrays) != meta["arrays"]:
                 raise WeightsError(f"{path} does not hold the weights that its JSON file describes")
             if geometry_digest(meta["robot"]) != meta["geometry"]:
-                raise WeightsError(f"{path} was trained for another geometry of the robot {meta['robot']!r}")
-            kept = {name: meta[name] for name in ("robot", "inputs", "recipe", "seed", "record", "versions")}
-            return cls(arrays=arrays, speed=SpeedModel(**meta["speed"]), source=meta.get("source"), **kept)
+                raise WeightsError(
+                    f"{path} was trained for another geometry of the robot {meta['robot']!r}"
+                )
+            kept = {
+                name: meta[name]
+                for name in ("robot", "inputs", "recipe", "seed", "record", "versions")
+            }
+            return cls(
+                arrays=arrays, speed=SpeedModel(**meta["speed"]), source=meta.get("source"), **kept
+            )
         except WeightsError:
             raise
         except UnknownNameError as error:
@@ -179,7 +194,9 @@ def array_digest(arrays: Mapping[str, np.ndarray]) -> str:
     """SHA-256 of the arrays' shapes and bytes."""
     digest = hashlib.sha256()
     for name in ARRAYS:
-        digest.update(f"{name}{arrays[name].shape}".encode() + np.ascontiguousarray(arrays[name]).tobytes())
+        digest.update(
+            f"{name}{arrays[name].shape}".encode() + np.ascontiguousarray(arrays[name]).tobytes()
+        )
     return digest.hexdigest()
 
 
@@ -233,9 +250,15 @@ def find_weights(robot_name: str, weights: str | os.PathLike | FieldWeights) -> 
     Raises:
         WeightsError: if there are none, or they are for another robot.
     """
-    found = weights if isinstance(weights, FieldWeights) else FieldWeights.load(_locate(robot_name, weights))
+    found = (
+        weights
+        if isinstance(weights, FieldWeights)
+        else FieldWeights.load(_locate(robot_name, weights))
+    )
     if found.robot != robot_name:
-        raise WeightsError(f"these weights are for the robot {found.robot!r}, not for {robot_name!r}")
+        raise WeightsError(
+            f"these weights are for the robot {found.robot!r}, not for {robot_name!r}"
+        )
     return found
 
 
@@ -244,8 +267,12 @@ def _locate(robot_name: str, weights: str | os.PathLike) -> Path:
     path = named if named.is_file() else Path(weights).with_suffix(".npz")
     if path.is_file():
         return path
-    shipped = sorted(file.stem.removeprefix(f"{robot_name}-") for file in named.parent.glob(f"{robot_name}-*.npz"))
+    shipped = sorted(
+        file.stem.removeprefix(f"{robot_name}-")
+        for file in named.parent.glob(f"{robot_name}-*.npz")
+    )
     raise WeightsError(
-        f"no weights {str(weights)!r} for {robot_name!r}: neither a file nor one of those that ship "
+        f"no weights {str(weights)!r} for {robot_name!r}: neither a file nor one of those that "
+        f"ship "
         f"({', '.join(shipped) or 'none'}); train them with `piec train-field`"
     )

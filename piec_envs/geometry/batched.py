@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from piec_envs.errors import InvalidStateError
-from piec_envs.geometry.body import link_distances, make_placed, place_object, place_robot, self_distance
+from piec_envs.geometry.body import (
+    link_distances,
+    make_placed,
+    place_object,
+    place_robot,
+    self_distance,
+)
 from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
 from piec_envs.parallel import run_rows
@@ -34,7 +40,9 @@ def _self_distance_rows(lo, hi, robot, q, least):
 
 @batch_kernel
 def _object_distance_rows(lo, hi, scene, q, pose, distances):
-    """Distance of each link to the object in rows lo to hi - 1, shapes (B, n), (B, 3), (B, links)."""
+    """Distance of each link to the object in rows lo to hi - 1, shapes (B, n), (B, 3), (B,
+    links).
+    """
     placed = make_placed(scene)
     for i in range(lo, hi):
         place_robot(scene.robot, q[i], placed)
@@ -100,7 +108,8 @@ def self_distances(robot_name: str, q_r: np.ndarray, threads: int | None = None)
         threads: number of threads; None takes all cores.
 
     Returns:
-        Shape (...), m; negative where the robot overlaps itself, inf where no two parts could collide.
+        Shape (...), m; negative where the robot overlaps itself, inf where no two parts could
+        collide.
 
     Raises:
         UnknownNameError: if the table has no such row.
@@ -141,7 +150,9 @@ def object_distances(
     q = _columns("q_r", q_r, len(scene.robot.stiffness))
     poses = _columns("pose", pose, 3)
     if q.shape[:-1] != poses.shape[:-1]:
-        raise InvalidStateError(f"q_r and pose must have the same rows, got {q.shape} and {poses.shape}")
+        raise InvalidStateError(
+            f"q_r and pose must have the same rows, got {q.shape} and {poses.shape}"
+        )
     q = q.reshape(-1, q.shape[-1])
     poses = poses.reshape(-1, 3)
     distances = np.empty((len(q), scene.robot.links))

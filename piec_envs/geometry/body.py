@@ -19,7 +19,8 @@ SLACK = 1e-6  # m; more than rounding, and cores touching at corners, take from 
 class Placed(NamedTuple):
     """A scene in the world: scratch of one thread, so that no state allocates."""
 
-    frames: np.ndarray  # (n + 1, 4) x, y, cos, sin of the robot's base and of the frame after each joint
+    # (n + 1, 4) x, y, cos, sin of the robot's base and of the frame after each joint
+    frames: np.ndarray
     robot_vertices: np.ndarray  # (V, 2) m
     robot_centres: np.ndarray  # (S, 2) m, of the shapes' bounding circles
     object_frame: np.ndarray  # (1, 4)
@@ -87,7 +88,9 @@ def measure_pair(scene, i, k, placed):
 
 @inlined_kernel
 def _floor_under(scene, i, k, front, n_x, n_y, placed):
-    """Lower bound of the core distance of two shapes, m, where the robot's has no point beyond `front` along n."""
+    """Lower bound of the core distance of two shapes, m, where the robot's has no point beyond
+    `front` along n.
+    """
     x, y = placed.object_centres[k, 0], placed.object_centres[k, 1]
     item = scene.object.shapes
     return x * n_x + y * n_y - front - SLACK - item.bound[k] + item.radius[k]
@@ -97,13 +100,14 @@ def _floor_under(scene, i, k, front, n_x, n_y, placed):
 def link_distances(scene, placed, distances):
     """Signed distance from each link to the object.
 
-    The distance to one object shape and its normal say where a robot shape ends in that direction. An object
-    shape that lies beyond by more than the link's least distance is passed over: its pair is a lower bound
-    with the normal (0, 0), until `measure_pair` is asked for it.
+    The distance to one object shape and its normal say where a robot shape ends in that direction.
+    An object shape that lies beyond by more than the link's least distance is passed over: its pair
+    is a lower bound with the normal (0, 0), until `measure_pair` is asked for it.
 
     Args:
         scene: a `Scene`.
-        placed: a `Placed`, whose `pairs` and `nearest` are written; its `nearest` changes no distance.
+        placed: a `Placed`, whose `pairs` and `nearest` are written; its `nearest` changes no
+            distance.
         distances: output, shape (links,), m.
     """
     arm, item, shapes = scene.robot.shapes, scene.object.shapes, scene.object.shapes.radius.shape[0]
@@ -125,7 +129,10 @@ def link_distances(scene, placed, distances):
             distances[link] = min(distances[link], gap)
             if gap < best and shapes > 1:
                 best, n_x, n_y, placed.nearest[i] = gap, pair[1], pair[2], k
-                front = front_of(placed.object_vertices, item.first[k], item.first[k + 1], n_x, n_y) - pair[0]
+                front = (
+                    front_of(placed.object_vertices, item.first[k], item.first[k + 1], n_x, n_y)
+                    - pair[0]
+                )
 
 
 @kernel
@@ -143,7 +150,9 @@ def point_distance(shapes, robot_vertices, x, y):
     """
     best, shape, s_x, s_y, n_x, n_y = np.inf, -1, 0.0, 0.0, 1.0, 0.0
     for i in range(shapes.radius.shape[0]):
-        core, c_x, c_y, d_x, d_y, _ = closest_on_polygon(robot_vertices, shapes.first[i], shapes.first[i + 1], x, y)
+        core, c_x, c_y, d_x, d_y, _ = closest_on_polygon(
+            robot_vertices, shapes.first[i], shapes.first[i + 1], x, y
+        )
         gap = core - shapes.radius[i]
         if gap < best:
             best, shape, n_x, n_y = gap, i, d_x, d_y
@@ -153,7 +162,8 @@ def point_distance(shapes, robot_vertices, x, y):
 
 @kernel
 def least_distance(shapes, vertices, centres, x, y):
-    """Signed distance from a point to the whole robot, m: `point_distance` without the closest point.
+    """Signed distance from a point to the whole robot, m: `point_distance` without the closest
+    point.
 
     Shapes whose bounding circles are farther away than the nearest shape so far are passed over.
 
@@ -182,7 +192,12 @@ def self_distance(robot, robot_vertices):
             for k in range(shapes.radius.shape[0]):
                 if shapes.link[i] != robot.apart[p, 0] or shapes.link[k] != robot.apart[p, 1]:
                     continue
-                a, a_end, b, b_end = shapes.first[i], shapes.first[i + 1], shapes.first[k], shapes.first[k + 1]
+                a, a_end, b, b_end = (
+                    shapes.first[i],
+                    shapes.first[i + 1],
+                    shapes.first[k],
+                    shapes.first[k + 1],
+                )
                 core, _, _ = core_distance(robot_vertices, a, a_end, robot_vertices, b, b_end)
                 best = min(best, core - shapes.radius[i] - shapes.radius[k])
     return best

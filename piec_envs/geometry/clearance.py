@@ -1,9 +1,9 @@
 """Clearances of a posture and their gradients in the joints: link to object shape, link to link.
 
 The distance of two bodies changes as n . (v_b - v_a), where n points from a to b and v are the
-velocities of either body at one common point of the line of contact: any point of that line will do,
-since moving along n changes no turning body's velocity in the direction of n. So rounding plays no
-part, and overlapping bodies need nothing of their own.
+velocities of either body at one common point of the line of contact: any point of that line will
+do, since moving along n changes no turning body's velocity in the direction of n. So rounding plays
+no part, and overlapping bodies need nothing of their own.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def _witness(a, a_first, a_last, b, b_first, b_last, n_x, n_y):
 
 @kernel
 def _add_motion(robot, frames, frame, x, y, n_x, n_y, slope):
-    """Add n . (velocity of the point (x, y) of a link in that frame) for every joint, shape (n,)."""
+    """Add n . (velocity of the point (x, y) of a link in that frame) for every joint, shape
+    (n,).
+    """
     for j in range(frame):
         v_x, v_y = point_velocity(robot, frames, j, x, y)
         slope[j] += n_x * v_x + n_y * v_y
@@ -87,8 +89,19 @@ def _self_clearances(scene, placed, pairs, phi, slope):
                 if slope.shape[1] > 0:
                     x, y = _witness(vertices, a, a_end, vertices, b, b_end, n_x, n_y)
                     slope[before + p] = 0.0
-                    _add_motion(scene.robot, placed.frames, arm.frame[i], x, y, -n_x, -n_y, slope[before + p])
-                    _add_motion(scene.robot, placed.frames, arm.frame[k], x, y, n_x, n_y, slope[before + p])
+                    _add_motion(
+                        scene.robot,
+                        placed.frames,
+                        arm.frame[i],
+                        x,
+                        y,
+                        -n_x,
+                        -n_y,
+                        slope[before + p],
+                    )
+                    _add_motion(
+                        scene.robot, placed.frames, arm.frame[k], x, y, n_x, n_y, slope[before + p]
+                    )
 
 
 @batch_kernel
@@ -103,7 +116,8 @@ def clearance_rows(lo, hi, scene, pairs, pose, q, phi, slope):
         q: joint positions, shape (B, n).
         phi: output, shape (B, links * shapes + P), m: link by link the distance to each of the
             object's shapes, then the pairs; negative on overlap.
-        slope: output, dphi_dq, shape (B, links * shapes + P, n), or without columns to leave it out.
+        slope: output, dphi_dq, shape (B, links * shapes + P, n), or without columns to leave it
+            out.
     """
     placed = make_placed(scene)
     for row in range(lo, hi):

@@ -32,7 +32,9 @@ def convex_hull(vertices: np.ndarray) -> Hull:
         hull = ConvexHull(vertices)
     except (QhullError, ValueError) as error:
         raise InvalidShapeError(f"{vertices.shape} vertices span no volume: {error}") from error
-    corners, normals = vertices[hull.simplices], hull.equations[:, :3]  # (F, 3, 3), (F, 3)
+    # (F, 3, 3), (F, 3)
+    corners = vertices[hull.simplices]
+    normals = hull.equations[:, :3]
     turn = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     clockwise = (turn * normals).sum(axis=1) < 0
     corners[clockwise] = corners[clockwise][:, ::-1]
@@ -89,7 +91,9 @@ def hull_distance(hull, p):
         if _above(a, b, p, n) and _above(b, c, p, n) and _above(c, a, p, n):
             best = height * height
         else:
-            best = min(best, _segment_square(a, b, p), _segment_square(b, c, p), _segment_square(c, a, p))
+            best = min(
+                best, _segment_square(a, b, p), _segment_square(b, c, p), _segment_square(c, a, p)
+            )
     return deepest if deepest <= 0.0 else np.sqrt(best)
 
 

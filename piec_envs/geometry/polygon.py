@@ -32,7 +32,8 @@ def closest_on_polygon(vertices, first, last, x, y):
     """
     best, corner, inside = np.inf, first, True
     i = last - 1
-    for j in range(first, last):  # a segment is seen from either side: once as edge 0 to 1, once as 1 to 0
+    # a segment is seen from either side: once as edge 0 to 1, once as 1 to 0
+    for j in range(first, last):
         d_x, d_y = x - vertices[i, 0], y - vertices[i, 1]
         e_x, e_y = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1]
         plane = d_x * e_y - d_y * e_x  # >= 0 outside this edge
@@ -85,11 +86,12 @@ def _corner_normal(vertices, first, last, i):
 
 @kernel
 def _separation(a, a_first, a_last, b, b_first, b_last):
-    """Largest gap between b and an edge line of a (-inf for a point), and whether it is their distance.
+    """Largest gap between b and an edge line of a (-inf for a point), and whether it is their
+    distance.
 
     Returns:
-        (gap, n_x, n_y, met): the edge's outward normal; met where the vertex of b nearest to its line
-        lies in front of the edge itself.
+        (gap, n_x, n_y, met): the edge's outward normal; met where the vertex of b nearest to its
+        line lies in front of the edge itself.
     """
     best, n_x, n_y, met = -np.inf, 1.0, 0.0, False
     if a_last - a_first < 2:

@@ -16,7 +16,9 @@ CLOSE = 1e-12  # m
 MAX_STEPS = 10_000
 
 
-def trace_surface(shapes: Sequence[RoundedPolygon], directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def trace_surface(
+    shapes: Sequence[RoundedPolygon], directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Outermost points of a union of shapes in directions from the origin, and the normals there.
 
     Args:
@@ -38,7 +40,8 @@ def trace_surface(shapes: Sequence[RoundedPolygon], directions: np.ndarray) -> t
 
 @batch_kernel
 def _trace(shapes, outside, directions, reach, normal):
-    """Walk from outside towards the origin by the distance to the nearest shape: no surface is stepped over.
+    """Walk from outside towards the origin by the distance to the nearest shape: no surface is
+    stepped over.
 
     Args:
         shapes: a union as `PackedShapes`.

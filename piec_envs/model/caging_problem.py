@@ -1,4 +1,6 @@
-"""Static caging: which posture makes the object's escape take longest (paper, section 4.5, eq. 9)."""
+"""Static caging: which posture makes the object's escape take longest (paper, section 4.5,
+eq. 9).
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,8 @@ class Postures(NamedTuple):
     @property
     def value(self) -> np.ndarray:
         """T_hat less the penalty on overlap, shape (B,), s: what CMA-ES maximises."""
-        # The paper prints the cost -T_hat + w_col sum(phi), whose minimum would reward overlap (phi < 0)
-        # and closeness; a penalty on overlap alone is meant: +w_col sum(max(0, -phi)).
+        # The paper prints the cost -T_hat + w_col sum(phi), whose minimum would reward overlap (phi
+        # < 0) and closeness; a penalty on overlap alone is meant: +w_col sum(max(0, -phi)).
         return self.escape_time - COLLISION_WEIGHT * np.maximum(0.0, -self.phi).sum(axis=1)
 
     @property
@@ -55,7 +57,8 @@ class Caged(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CagingProblem:
-    """Choose a posture q that maximises T_hat(pose, q), without overlap and within the joint limits.
+    """Choose a posture q that maximises T_hat(pose, q), without overlap and within the joint
+    limits.
 
     The constraints phi >= 0 are, in metres: for each link and each shape of the object their signed
     distance, then for each two links that could collide theirs, all less `clearance`.
@@ -63,7 +66,8 @@ class CagingProblem:
     Args:
         robot: row of the table of robots.
         object: row of the table of objects.
-        pose: the object's x, y, angle, shape (3,), or (B, 3) to judge row i of B postures at pose i.
+        pose: the object's x, y, angle, shape (3,), or (B, 3) to judge row i of B postures at pose
+            i.
         field: the escape field, with a leaky wall.
         reduce: "mean" or "max" over the key points.
         avoid_self_overlap: whether links must keep apart.
@@ -90,12 +94,15 @@ class CagingProblem:
         get_object(self.object)
         check_name("reduction", self.reduce, REDUCTIONS)
         shape = (len(self.pose), 3) if np.ndim(self.pose) == 2 else (3,)
-        object.__setattr__(self, "pose", as_floats("object pose", self.pose, shape, InvalidStateError))
+        object.__setattr__(
+            self, "pose", as_floats("object pose", self.pose, shape, InvalidStateError)
+        )
         clearance = float(as_floats("clearance", self.clearance, (), InvalidParameterError))
         object.__setattr__(self, "clearance", clearance)
         if not getattr(self.field, "leak", 1.0) > 0:
             raise InvalidParameterError(
-                "static caging needs a field with a leaky wall, since behind a hard one the escape time is "
+                "static caging needs a field with a leaky wall, since behind a hard one the "
+                "escape time is "
                 "infinite and ranks nothing; got leak = 0"
             )
         self._check_inside()
@@ -110,7 +117,8 @@ class CagingProblem:
             pose = np.atleast_2d(self.pose)[int(far.argmax())].tolist()
             raise InvalidParameterError(
                 f"all key points of {self.object!r} must lie inside the workspace disc, less than "
-                f"{robot.workspace_radius} m from the base; at pose {pose} one is {far.max():.3f} m away"
+                f"{robot.workspace_radius} m from the base; at pose {pose} one is "
+                f"{far.max():.3f} m away"
             )
 
     # --- what follows from the arguments -------------------------------------------------------
@@ -128,7 +136,9 @@ class CagingProblem:
     @cached_property
     def pairs(self) -> np.ndarray:
         """Links to hold apart, shape (P, 2)."""
-        return self.scene.robot.apart if self.avoid_self_overlap else np.zeros((0, 2), dtype=np.int64)
+        return (
+            self.scene.robot.apart if self.avoid_self_overlap else np.zeros((0, 2), dtype=np.int64)
+        )
 
     @property
     def lower(self) -> np.ndarray:
@@ -154,7 +164,9 @@ class CagingProblem:
         return Postures(REDUCTIONS[self.reduce](times, axis=1), self._clearances(q, 0)[0])
 
     def constraints(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Constraints phi and dphi_dq of postures (B, n), shapes (B, m) and (B, m, n), m and m/rad."""
+        """Constraints phi and dphi_dq of postures (B, n), shapes (B, m) and (B, m, n), m
+        and m/rad.
+        """
         return self._clearances(self._rows(q), self.scene.robot.lower.shape[0])
 
     def escape_time(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,21 +175,36 @@ class CagingProblem:
         times, _, slopes = self.field.gradients(self._points(len(q)), q)  # (B, k), (B, k, n)
         if self.reduce == "mean":
             return times.mean(axis=1), slopes.mean(axis=1)
-        rows, last = np.arange(len(q)), times.argmax(axis=1)
+        rows = np.arange(len(q))
+        last = times.argmax(axis=1)
         return times[rows, last], slopes[rows, last]
 
     def _clearances(self, q: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
         """Constraints and the first `columns` columns of their gradient: all of them or none."""
         count = self.object_rows + len(self.pairs)
-        phi, slope = np.empty((len(q), count)), np.empty((len(q), count, columns))
+        phi = np.empty((len(q), count))
+        slope = np.empty((len(q), count, columns))
         pose = np.ascontiguousarray(np.broadcast_to(self.pose, (len(q), 3)))
         work = CLEARANCE_WORK * len(q)
-        run_rows(clearance_rows, len(q), self.threads, self.scene, self.pairs, pose, q, phi, slope, work=work)
+        run_rows(
+            clearance_rows,
+            len(q),
+            self.threads,
+            self.scene,
+            self.pairs,
+            pose,
+            q,
+            phi,
+            slope,
+            work=work,
+        )
         return phi - self.clearance, slope
 
     def _points(self, rows: int) -> np.ndarray:
         """Key points for each row, shape (rows, k, 2)."""
-        return np.ascontiguousarray(np.broadcast_to(self.key_points, (rows, *self.key_points.shape[-2:])))
+        return np.ascontiguousarray(
+            np.broadcast_to(self.key_points, (rows, *self.key_points.shape[-2:]))
+        )
 
     def _rows(self, q: np.ndarray) -> np.ndarray:
         """Postures, checked, shape (B, n)."""

@@ -18,7 +18,8 @@ def refresh_escape(field: EscapeField, state: State, rows: np.ndarray) -> None:
         state: its `escape_time` and `drift` are written.
         rows: row numbers.
     """
-    calm, fleeing = rows, rows[:0]
+    calm = rows
+    fleeing = rows[:0]
     if len(state.params.fleeing):
         calm = np.setdiff1d(rows, state.params.fleeing, assume_unique=True)
         fleeing = np.intersect1d(rows, state.params.fleeing, assume_unique=True)
@@ -28,7 +29,9 @@ def refresh_escape(field: EscapeField, state: State, rows: np.ndarray) -> None:
         if len(here) == state.rows:
             state.escape_time = object_escape_time(field, key_points, state.pose, state.q_r)
         elif len(here):
-            state.escape_time[here] = object_escape_time(field, key_points, state.pose[here], state.q_r[here])
+            state.escape_time[here] = object_escape_time(
+                field, key_points, state.pose[here], state.q_r[here]
+            )
         here = _among(fleeing, all_rows, state.rows)
         if len(here):
             points = key_points_world(key_points, state.pose[here])  # (rows, k, 2)
@@ -46,13 +49,16 @@ def _among(rows: np.ndarray, others: np.ndarray, count: int) -> np.ndarray:
 def advance_escape(
     field: EscapeField | None, state: State, motion: Motion, first_step: np.ndarray, every: int
 ) -> np.ndarray:
-    """Escape time along a motion that ended in `state`, refreshed on every k-th step and held between.
+    """Escape time along a motion that ended in `state`, refreshed on every k-th step and held
+    between.
 
-    Where an object flees, the motion must end at the next refresh of any row, since the drift follows.
+    Where an object flees, the motion must end at the next refresh of any row, since the drift
+    follows.
 
     Args:
         field: the escape field; without one the escape time stays as it is.
-        state: holds the escape time, and the drift, of the motion's start; both are brought up to its end.
+        state: holds the escape time, and the drift, of the motion's start; both are brought up to
+            its end.
         motion: of N steps.
         first_step: number of each row's first state, shape (B,).
         every: k.
@@ -77,8 +83,11 @@ def advance_escape(
 
 
 def _along(field, held, state, motion, first_step, every) -> np.ndarray:
-    """Escape times of all refreshes along a motion in one query for each object, shape (B, N + 1), s."""
-    times, step = held.copy(), np.arange(held.shape[1])
+    """Escape times of all refreshes along a motion in one query for each object, shape (B, N + 1),
+    s.
+    """
+    times = held.copy()
+    step = np.arange(held.shape[1])
     due = ((first_step[:, None] + step) % every == 0) & (step > 0)  # (B, N + 1)
     for name, rows in state.params.by_object.items():
         here = due
@@ -92,7 +101,8 @@ def _along(field, held, state, motion, first_step, every) -> np.ndarray:
 
 
 def _drift(slope: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Displacement in one step down the escape time: w = -h u grad T / |grad T| (paper, section 6.1).
+    """Displacement in one step down the escape time: w = -h u grad T / |grad T| (paper, section
+    6.1).
 
     Args:
         slope: gradient of the escape time, shape (rows, 2), s/m.

@@ -23,10 +23,15 @@ from piec_envs.model.terms import (
 )
 
 _CAGING, _CONTACT, _PROXIMITY = (PRIORS.index(name) for name in ("caging", "contact", "proximity"))
-_GOAL_DISTANCE, _D2G = MEASURE_COLUMNS["goal_distance"], MEASURE_COLUMNS["d2g"]
-_MIN_DISTANCE, _MEAN_DISTANCE = MEASURE_COLUMNS["min_distance"], MEASURE_COLUMNS["mean_distance"]
-_PENETRATION, _TRACKING_ERROR = MEASURE_COLUMNS["penetration"], MEASURE_COLUMNS["tracking_error"]
-_TASK, _COMMAND, _PRIOR, _COST = (MEASURE_COLUMNS[name] for name in ("cost_task", "cost_command", "cost_prior", "cost"))
+_GOAL_DISTANCE = MEASURE_COLUMNS["goal_distance"]
+_D2G = MEASURE_COLUMNS["d2g"]
+_MIN_DISTANCE = MEASURE_COLUMNS["min_distance"]
+_MEAN_DISTANCE = MEASURE_COLUMNS["mean_distance"]
+_PENETRATION = MEASURE_COLUMNS["penetration"]
+_TRACKING_ERROR = MEASURE_COLUMNS["tracking_error"]
+_TASK, _COMMAND, _PRIOR, _COST = (
+    MEASURE_COLUMNS[name] for name in ("cost_task", "cost_command", "cost_prior", "cost")
+)
 
 
 class Yardstick(NamedTuple):
@@ -78,7 +83,9 @@ def measure_rows(lo, hi, held, first_step, pose, distance, actions, caging, meas
                     task = np.inf
                     for m in range(PAPER_REFERENCE_POINTS):
                         p = m * (points - 1) // (PAPER_REFERENCE_POINTS - 1)
-                        task = min(task, np.sqrt((x - reference[p, 0]) ** 2 + (y - reference[p, 1]) ** 2))
+                        task = min(
+                            task, np.sqrt((x - reference[p, 0]) ** 2 + (y - reference[p, 1]) ** 2)
+                        )
             command = 0.0
             if t > 0:
                 for j in range(speed_limit.shape[0]):
@@ -120,7 +127,10 @@ def observe_rows(lo, hi, held, q_r, q_cmd, pose, step, observation):
     for i in range(lo, hi):
         row = observation[i]
         for j in range(n - base):
-            row[at[COS_Q] + j], row[at[SIN_Q] + j] = np.cos(q_r[i, base + j]), np.sin(q_r[i, base + j])
+            row[at[COS_Q] + j], row[at[SIN_Q] + j] = (
+                np.cos(q_r[i, base + j]),
+                np.sin(q_r[i, base + j]),
+            )
         for j in range(n):
             middle, half = 0.5 * (by.upper[j] + by.lower[j]), 0.5 * (by.upper[j] - by.lower[j])
             row[at[Q_R] + j] = min(max((q_r[i, j] - middle) / half, -JOINT_BOUND), JOINT_BOUND)

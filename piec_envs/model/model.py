@@ -1,4 +1,6 @@
-"""A task, a robot and contact dynamics as one thing that simulates: what planners plan on and environments run."""
+"""A task, a robot and contact dynamics as one thing that simulates: what planners plan on and
+environments run.
+"""
 
 from __future__ import annotations
 
@@ -35,16 +37,18 @@ class Model:
     """Simulates episodes of one task; holds no episode itself.
 
     Args:
-        setup: what it is made of. `task`, `robot` and `weights` are its own, `field` the escape field, or None.
+        setup: what it is made of. `task`, `robot` and `weights` are its own, `field` the escape
+            field, or None.
 
     Raises:
-        InvalidParameterError: if something needs an escape field that is not there, or a leaky one, or the arm's
-            posture at the start is one that overlaps the object.
+        InvalidParameterError: if something needs an escape field that is not there, or a leaky one,
+            or the arm's posture at the start is one that overlaps the object.
     """
 
     def __init__(self, setup: Setup):
         self.setup = setup
-        self.task, self.weights = setup.task, setup.weights
+        self.task = setup.task
+        self.weights = setup.weights
         self.robot = get_robot(setup.robot)
         self.field = _make_field(setup)
         self.dynamics = DynamicsByRow(DynamicsOptions(setup.solver, setup.contact, setup.threads))
@@ -96,7 +100,11 @@ class Model:
         return self.begin([int(seeding.np_random(seed)[0].integers(SEED_BOUND))], self.setup.plant)
 
     def begin(
-        self, seeds: Sequence[int], nominal: PlantParams, options: Mapping[str, Any] | None = None, rows: Any = None
+        self,
+        seeds: Sequence[int],
+        nominal: PlantParams,
+        options: Mapping[str, Any] | None = None,
+        rows: Any = None,
     ) -> State:
         """The starts of episodes.
 
@@ -118,16 +126,23 @@ class Model:
         given = options.get("state")
         places = range(len(seeds)) if rows is None else rows
         begun = join_states(
-            [self._begin_one(int(row), seed, nominal, options) for row, seed in zip(places, seeds, strict=True)]
+            [
+                self._begin_one(int(row), seed, nominal, options)
+                for row, seed in zip(places, seeds, strict=True)
+            ]
         )
-        if self.field is not None:  # a given `State` between two refreshes keeps the values it holds
+        # a given `State` between two refreshes keeps the values it holds
+        if self.field is not None:
             due = (begun.step % self.setup.escape_every == 0) | (not isinstance(given, State))
             refresh_escape(self.field, begun, np.flatnonzero(due))
         return begun
 
-    def _begin_one(self, row: int, seed: int, nominal: PlantParams, options: Mapping[str, Any]) -> State:
+    def _begin_one(
+        self, row: int, seed: int, nominal: PlantParams, options: Mapping[str, Any]
+    ) -> State:
         """The start of one episode."""
-        given, changes = options.get("state"), options.get("params") or {}
+        given = options.get("state")
+        changes = options.get("params") or {}
         if isinstance(given, State):
             state = given.take([0 if given.rows == 1 else row])
             state.params = PlantRows([self.check_params(state.params[0].replace(changes))])
@@ -135,7 +150,9 @@ class Model:
         rng = np.random.default_rng(seed)
         params = self.check_params(nominal.replace(draw_params(self.setup.randomize, rng), changes))
         state = self._start.draw(params, seed, rng, given)
-        state.pose, state.memory = self.dynamics.settle(state.q_r, state.pose, state.params.plant(self.robot.name))
+        state.pose, state.memory = self.dynamics.settle(
+            state.q_r, state.pose, state.params.plant(self.robot.name)
+        )
         state.start = state.pose.copy()
         return state
 
@@ -158,7 +175,9 @@ class Model:
     # --- simulation --------------------------------------------------------------------------
 
     def draw_disturbance(self, state: State) -> np.ndarray | None:
-        """The random displacements of whole episodes, shape (B, horizon, 2), m; None where there are none."""
+        """The random displacements of whole episodes, shape (B, horizon, 2), m; None where there
+        are none.
+        """
         return draw_disturbance(state, self.task.horizon)
 
     def rollout(self, state: State, values: np.ndarray, absolute: bool = False) -> Rollout:
@@ -183,13 +202,17 @@ class Model:
         rows = len(values) if values.ndim == 3 else 0
         if rows == 0 or state.rows not in (1, rows) or values.shape[2] != self.robot.dof:
             raise InvalidActionError(
-                f"controls or path must be finite, of shape (rows, steps, {self.robot.dof}), with as many rows as "
-                f"the state has or any number for a state of one row; got {values.shape} for {state.rows} row(s)"
+                f"controls or path must be finite, of shape (rows, steps, {self.robot.dof}), "
+                f"with as many rows as "
+                f"the state has or any number for a state of one row; got {values.shape} for "
+                f"{state.rows} row(s)"
             )
         state = state.take(np.zeros(rows, dtype=int)) if state.rows == 1 else state
         return self.simulate(state, values, absolute, self.draw_disturbance(state))
 
-    def simulate(self, state: State, values: np.ndarray, absolute: bool, noise: np.ndarray | None) -> Rollout:
+    def simulate(
+        self, state: State, values: np.ndarray, absolute: bool, noise: np.ndarray | None
+    ) -> Rollout:
         """Simulate trajectories; a step of an environment is the shortest.
 
         Args:
@@ -210,8 +233,12 @@ class Model:
         """
         return self.simulate(state, np.zeros((state.rows, 0, self.robot.dof)), False, None)
 
-    def _pieces(self, state: State, values: np.ndarray, absolute: bool, noise: np.ndarray | None) -> Iterator[Rollout]:
-        """The steps of `values`, cut where an object that flees needs its drift anew; else the field may follow."""
+    def _pieces(
+        self, state: State, values: np.ndarray, absolute: bool, noise: np.ndarray | None
+    ) -> Iterator[Rollout]:
+        """The steps of `values`, cut where an object that flees needs its drift anew; else the
+        field may follow.
+        """
         done = 0
         total = values.shape[1]
         every = self.setup.escape_every
@@ -224,7 +251,9 @@ class Model:
                 return
             state = piece.final
 
-    def _advance(self, state: State, values: np.ndarray, absolute: bool, noise: np.ndarray | None) -> Rollout:
+    def _advance(
+        self, state: State, values: np.ndarray, absolute: bool, noise: np.ndarray | None
+    ) -> Rollout:
         """The steps of `values`; a fleeing object's field is refreshed at their end at most."""
         displacement = next_displacements(state, values.shape[1], noise)
         motion = self.dynamics.rollout(
@@ -237,8 +266,11 @@ class Model:
         times = advance_escape(self.field, final, motion, state.step, self.setup.escape_every)
         measures = self._measures(motion, state.step, CAGING_SCALE * times)
         if self.task.tracks:
-            for t in range(1, measures.shape[1]):  # one at a time, as stepping does, to be bit-equal to it
-                final.error_sum = final.error_sum + measures[:, t, MEASURE_COLUMNS["tracking_error"]]
+            # one at a time, as stepping does, to be bit-equal to it
+            for t in range(1, measures.shape[1]):
+                final.error_sum = (
+                    final.error_sum + measures[:, t, MEASURE_COLUMNS["tracking_error"]]
+                )
         return Rollout(motion, measures, times, final)
 
     def _measures(self, motion: Motion, first_step: np.ndarray, caging: np.ndarray) -> np.ndarray:
@@ -247,7 +279,8 @@ class Model:
         measures = np.empty((rows, times, len(MEASURES)))
         run_rows(
             measure_rows, rows, self.setup.threads, self._yardstick.held, first_step, motion.pose,
-            motion.link_distance, motion.actions, caging, measures, work=MEASURE_WORK * rows * times,
+            motion.link_distance, motion.actions, caging, measures,
+            work=MEASURE_WORK * rows * times,
         )  # fmt: skip
         return measures
 
@@ -258,9 +291,13 @@ class Model:
             state: B states.
         """
         observation = np.empty((state.rows, self.layout.size))
-        observe_rows(0, state.rows, self._yardstick.held, state.q_r, state.q_cmd, state.pose, state.step, observation)
+        observe_rows(
+            0, state.rows, self._yardstick.held,
+            state.q_r, state.q_cmd, state.pose, state.step, observation,
+        )  # fmt: skip
         for term in self.layout.written:
-            observation[:, self.layout.slices[term.name]] = term.write(state, self.task, self.robot)  # type: ignore[misc]
+            values = term.write(state, self.task, self.robot)  # type: ignore[misc]
+            observation[:, self.layout.slices[term.name]] = values
         return observation
 
 
@@ -269,12 +306,15 @@ def _make_field(setup: Setup) -> EscapeField | None:
     if setup.escape_field is None:
         flees = setup.plant.adversary or setup.randomize.get("adversary")
         if setup.prior == PRIORS.index("caging") or flees:
-            raise InvalidParameterError("prior='caging' and adversary need an escape field, but escape_field=None")
+            raise InvalidParameterError(
+                "prior='caging' and adversary need an escape field, but escape_field=None"
+            )
         return None
     field = choose_field(setup.escape_field, setup.robot, threads=setup.threads)
     if setup.prior == PRIORS.index("caging") and not field.leak > 0:
         raise InvalidParameterError(
-            "the caging prior needs a leaky wall, since behind a hard one the escape time is infinite; "
+            "the caging prior needs a leaky wall, since behind a hard one the escape time is "
+            "infinite; "
             "take leak > 0 or prior=None"
         )
     return field

@@ -16,8 +16,9 @@ from piec_envs.world.robots import get_robot
 def goal_ring(robot_name: str, object_name: str) -> tuple[float, float]:
     """Distances from the origin outside of which no goal can be reached.
 
-    A fixed arm pushes an object no farther than it reaches itself, nor out of its workspace; nor can the object enter
-    the part of the arm that turns about the base. A base that slides goes everywhere within its limits.
+    A fixed arm pushes an object no farther than it reaches itself, nor out of its workspace; nor
+    can the object enter the part of the arm that turns about the base. A base that slides goes
+    everywhere within its limits.
 
     Args:
         robot_name: row of the table of robots.

@@ -60,7 +60,9 @@ class Rollout:
     @property
     def last(self) -> Measured:
         """What is measured of the last states."""
-        return Measured(self.motion.link_distance[:, -1], self.motion.contact[:, -1], self.measures[:, -1])
+        return Measured(
+            self.motion.link_distance[:, -1], self.motion.contact[:, -1], self.measures[:, -1]
+        )
 
     @property
     def cost(self) -> np.ndarray:

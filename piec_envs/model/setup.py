@@ -31,7 +31,8 @@ class Setup:
         solver: "fast" or "osqp", of the quasi-dynamic model.
         contact: settings of the quasi-dynamic model.
         threads: threads of a batch; None takes all cores.
-        posture_given: whether the posture is one of the user's own, which must not overlap the object.
+        posture_given: whether the posture is one of the user's own, which must not overlap the
+            object.
     """
 
     task: Task

@@ -32,8 +32,11 @@ class StartSampler:
 
     def __init__(self, setup: Setup):
         self.robot: Robot = get_robot(setup.robot)
-        self.task, self.posture, self._noise = setup.task, setup.posture, setup.start_noise
-        self._lower, self._upper = self.robot.joint_array("lower"), self.robot.joint_array("upper")
+        self.task = setup.task
+        self.posture = setup.posture
+        self._noise = setup.start_noise
+        self._lower = self.robot.joint_array("lower")
+        self._upper = self.robot.joint_array("upper")
 
     def check_posture(self, name: str) -> None:
         """Refuse joint positions in which no user's state could begin.
@@ -48,7 +51,8 @@ class StartSampler:
         overlap = self._overlap(name, self.posture, pose)
         if overlap > ALLOWED_PENETRATION:
             raise InvalidParameterError(
-                f"start={self.posture.tolist()} overlaps the object {name!r} at its start {pose.tolist()} by "
+                f"start={self.posture.tolist()} overlaps the object {name!r} at its start "
+                f"{pose.tolist()} by "
                 f"{1e3 * overlap:.1f} mm; at most {1e3 * ALLOWED_PENETRATION:g} mm is allowed"
             )
 
@@ -63,11 +67,17 @@ class StartSampler:
             check_name("reset option", name, OPTIONS)
         options = dict(options or {})
         if not isinstance(options.get("state"), State | Mapping | None):
-            raise InvalidStateError(f"state must be a State or a mapping of its fields, got {options['state']!r}")
+            raise InvalidStateError(
+                f"state must be a State or a mapping of its fields, got {options['state']!r}"
+            )
         return options
 
     def draw(
-        self, params: PlantParams, seed: int, rng: np.random.Generator, given: Mapping[str, Any] | None = None
+        self,
+        params: PlantParams,
+        seed: int,
+        rng: np.random.Generator,
+        given: Mapping[str, Any] | None = None,
     ) -> State:
         """The start of one episode.
 
@@ -110,12 +120,17 @@ class StartSampler:
 
     def _check_step(self, step: float) -> None:
         if step < 0 or step != int(step):
-            raise InvalidStateError(f"state field 'step' must be a whole number of at least 0, got {step}")
+            raise InvalidStateError(
+                f"state field 'step' must be a whole number of at least 0, got {step}"
+            )
         if step >= self.task.horizon:
-            raise InvalidStateError(f"state field 'step' must be below {self.task.horizon}, the end, got {step:g}")
+            raise InvalidStateError(
+                f"state field 'step' must be below {self.task.horizon}, the end, got {step:g}"
+            )
         if step > 0 and len(self.task.reference) > 0:
             raise InvalidStateError(
-                "a tracking episode cannot begin at a later step, since its errors so far are not known; "
+                "a tracking episode cannot begin at a later step, since its errors so far are "
+                "not known; "
                 "give a whole State to go on with an episode"
             )
 
@@ -132,7 +147,8 @@ class StartSampler:
         overlap = self._overlap(state.params[0].object, state.q_r[0], state.pose[0])
         if overlap > ALLOWED_PENETRATION:
             raise InvalidStateError(
-                f"the object overlaps the robot by {1e3 * overlap:.1f} mm at pose {state.pose[0].tolist()}; "
+                f"the object overlaps the robot by {1e3 * overlap:.1f} mm at pose "
+                f"{state.pose[0].tolist()}; "
                 f"at most {1e3 * ALLOWED_PENETRATION:g} mm is allowed"
             )
 
@@ -157,7 +173,9 @@ class StartSampler:
         return pose
 
     def _least_overlap(self, object_name: str, pose: np.ndarray) -> np.ndarray:
-        """The pose of least overlap near `pose`: where the true object is larger than the planned one."""
+        """The pose of least overlap near `pose`: where the true object is larger than the planned
+        one.
+        """
         offsets = np.linspace(-1, 1, 9)
         moves = [
             np.array([x, y, 0.0]) * MOVE_LIMIT[0] + np.array([0.0, 0.0, angle]) * MOVE_LIMIT[1]
@@ -165,5 +183,7 @@ class StartSampler:
             if x * x + y * y <= 1
         ]
         moves.sort(key=lambda move: float(np.abs(move).sum()))  # of equal overlaps, the least move
-        overlaps = [max(0.0, self._overlap(object_name, self.posture, pose + move)) for move in moves]
+        overlaps = [
+            max(0.0, self._overlap(object_name, self.posture, pose + move)) for move in moves
+        ]
         return pose + moves[int(np.argmin(overlaps))]

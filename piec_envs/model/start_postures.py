@@ -34,18 +34,21 @@ def checked_start(start: str | Sequence[float], robot_name: str) -> str | tuple[
 
     Raises:
         UnknownNameError: for a name that the robot does not have.
-        InvalidParameterError: for joint positions of the wrong number, not finite or beyond the limits.
+        InvalidParameterError: for joint positions of the wrong number, not finite or beyond the
+            limits.
     """
     if isinstance(start, str):
         names = start_names(robot_name)
         check_name(f"start of {robot_name}", start, ("auto", *names))
         return names[0] if start == "auto" else start
     robot = get_robot(robot_name)
-    lower, upper = robot.joint_array("lower"), robot.joint_array("upper")
+    lower = robot.joint_array("lower")
+    upper = robot.joint_array("upper")
     q = as_floats("start (a name or joint positions)", start, lower.shape, InvalidParameterError)
     if (q < lower).any() or (q > upper).any():
         raise InvalidParameterError(
-            f"start must be within the joint limits {lower.tolist()} to {upper.tolist()}, got {q.tolist()}"
+            f"start must be within the joint limits {lower.tolist()} to {upper.tolist()}, got "
+            f"{q.tolist()}"
         )
     return tuple(q.tolist())
 
@@ -55,4 +58,6 @@ def start_posture(start: str | Sequence[float], robot_name: str) -> np.ndarray:
     start = checked_start(start, robot_name)
     if start == HOME:
         return get_robot(robot_name).home
-    return np.array(start_table()[robot_name][start] if isinstance(start, str) else start, dtype=float)
+    return np.array(
+        start_table()[robot_name][start] if isinstance(start, str) else start, dtype=float
+    )

@@ -32,7 +32,8 @@ class State:
         escape_time: object's escape time, held since its last refresh, shape (B,), s.
         drift: the adversary's displacement in each step, held likewise, shape (B, 2), m.
         error_sum: tracking errors added up over the episode, shape (B,), m.
-        diverged: whether the simulation of a row has become unstable; it rests since then, shape (B,).
+        diverged: whether the simulation of a row has become unstable; it rests since then, shape
+            (B,).
         params: plant parameters of each row, length B.
         memory: what a row's dynamics needs beside all this to go on, length B; see `Motion`.
     """
@@ -80,10 +81,13 @@ class State:
     def take(self, rows: Sequence[int] | np.ndarray) -> State:
         """A copy of some rows; a row may be taken more than once."""
         taken: dict[str, Any] = {name: getattr(self, name)[rows] for name in _ARRAYS}
-        return State(**taken, params=self.params.take(rows), memory=[self.memory[int(i)] for i in rows])
+        return State(
+            **taken, params=self.params.take(rows), memory=[self.memory[int(i)] for i in rows]
+        )
 
     def moved(self, motion: Motion) -> State:
-        """The same episodes at the end of a motion, with the escape time, the drift and the errors as they were.
+        """The same episodes at the end of a motion, with the escape time, the drift and the errors
+        as they were.
 
         Args:
             motion: of N steps from this state.
@@ -135,15 +139,21 @@ class State:
         """Refuse a state that could not have come from `rows` episodes of a robot.
 
         Raises:
-            InvalidStateError: if an array has the wrong shape or is not finite, a step is negative, or the object or a
-                joint stands where no observation would show it.
+            InvalidStateError: if an array has the wrong shape or is not finite, a step is negative,
+                or the object or a joint stands where no observation would show it.
         """
         self._check_arrays(rows, robot.dof)
         self._check_places(robot)
-        if len(self.params) != rows or not all(isinstance(params, PlantParams) for params in self.params):
-            raise InvalidStateError(f"state field 'params' must be {rows} PlantParams, got {list(self.params)!r}")
+        if len(self.params) != rows or not all(
+            isinstance(params, PlantParams) for params in self.params
+        ):
+            raise InvalidStateError(
+                f"state field 'params' must be {rows} PlantParams, got {list(self.params)!r}"
+            )
         if len(self.memory) != rows:
-            raise InvalidStateError(f"state field 'memory' must have {rows} arrays, got {len(self.memory)}")
+            raise InvalidStateError(
+                f"state field 'memory' must have {rows} arrays, got {len(self.memory)}"
+            )
         for memory in self.memory:
             as_floats("state field 'memory'", memory, (np.size(memory),), InvalidStateError)
 
@@ -152,14 +162,23 @@ class State:
         blank = State.zeros(rows, dof)
         for name in _ARRAYS:
             if name == "escape_time":  # behind a hard wall it may be infinite
-                as_floats("state field 'escape_time'", np.nan_to_num(self.escape_time, posinf=0.0, nan=np.nan),
-                          (rows,), InvalidStateError)  # fmt: skip
+                as_floats(
+                    "state field 'escape_time'",
+                    np.nan_to_num(self.escape_time, posinf=0.0, nan=np.nan),
+                    (rows,),
+                    InvalidStateError,
+                )
                 continue
-            value = as_floats(f"state field {name!r}", getattr(self, name), getattr(blank, name).shape,
-                              InvalidStateError)  # fmt: skip
+            value = as_floats(
+                f"state field {name!r}",
+                getattr(self, name),
+                getattr(blank, name).shape,
+                InvalidStateError,
+            )
             if name in ("step", "seed") and ((value < 0) | (value != np.floor(value))).any():
                 raise InvalidStateError(
-                    f"state field {name!r} must be whole numbers of at least 0, got {value.tolist()}"
+                    f"state field {name!r} must be whole numbers of at least 0, got "
+                    f"{value.tolist()}"
                 )
 
     def _check_places(self, robot: Robot) -> None:
@@ -168,7 +187,8 @@ class State:
             places = np.asarray(getattr(self, name))[:, :2]
             if (np.abs(places) > POSITION_BOUND).any():
                 raise InvalidStateError(
-                    f"state field {name!r} must lie within {POSITION_BOUND:g} m of the origin along x and y, "
+                    f"state field {name!r} must lie within {POSITION_BOUND:g} m of the origin "
+                    f"along x and y, "
                     f"got {_worst(places)}"
                 )
         lower = robot.joint_array("lower")
@@ -179,7 +199,8 @@ class State:
             share = (np.asarray(getattr(self, name)) - middle) / half
             if (np.abs(share) > JOINT_BOUND).any():
                 raise InvalidStateError(
-                    f"state field {name!r} must stay near the joint limits {lower.tolist()} to {upper.tolist()}, "
+                    f"state field {name!r} must stay near the joint limits {lower.tolist()} to "
+                    f"{upper.tolist()}, "
                     f"got {_worst(share * half + middle, share)}"
                 )
 
@@ -196,9 +217,13 @@ def join_states(states: Sequence[State]) -> State:
     """
     if len(states) == 1:
         return states[0]
-    arrays: dict[str, Any] = {name: np.concatenate([getattr(state, name) for state in states]) for name in _ARRAYS}
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(state, name) for state in states]) for name in _ARRAYS
+    }
     params = PlantRows(params for state in states for params in state.params)
-    return State(**arrays, params=params, memory=[memory for state in states for memory in state.memory])
+    return State(
+        **arrays, params=params, memory=[memory for state in states for memory in state.memory]
+    )
 
 
 def _worst(rows: np.ndarray, measure: np.ndarray | None = None) -> list[float]:
@@ -207,4 +232,6 @@ def _worst(rows: np.ndarray, measure: np.ndarray | None = None) -> list[float]:
     return np.asarray(rows)[int(size.argmax())].tolist()
 
 
-_ARRAYS = tuple(field.name for field in dataclasses.fields(State) if field.name not in ("params", "memory"))
+_ARRAYS = tuple(
+    field.name for field in dataclasses.fields(State) if field.name not in ("params", "memory")
+)

@@ -9,7 +9,9 @@ import numpy as np
 
 from piec_envs.errors import InvalidParameterError, check_name
 
-HORIZON, ARRIVAL = 1000, 900  # steps of an episode, and of those until a reference has reached its end
+# steps of an episode, and of those until a reference has reached its end
+HORIZON = 1000
+ARRIVAL = 900
 REWARD_SCALE = 1e-3  # reward = -REWARD_SCALE * stage cost, of order 1 per step
 GOAL_RADIUS = 0.05  # m
 ARC = 2 * np.pi / 3  # rad, of the references of the mobile Franka
@@ -20,7 +22,8 @@ PRIORS = ("caging", "contact", "proximity")
 
 
 class CostWeights(NamedTuple):
-    """Weights of the stage cost w_task c_task + w_command |u|^2 + w_prior c_prior; the last step adds w_miss d2g.
+    """Weights of the stage cost w_task c_task + w_command |u|^2 + w_prior c_prior; the last step
+    adds w_miss d2g.
 
     Args:
         task: weight of the task term (squared distance to the goal, or distance to the reference).
@@ -40,17 +43,21 @@ class CostWeights(NamedTuple):
     miss: float = 1e5
 
 
-# The paper's weights to the letter (appendix A.2.1): nothing is added for where an episode ends. It writes
-# w_track = lambda w_cage; lambda = 100 here.
+# The paper's weights to the letter (appendix A.2.1): nothing is added for where an episode ends. It
+# writes w_track = lambda w_cage; lambda = 100 here.
 _LETTER = {
     "push": CostWeights(task=1e2, command=1e3, prior=1e2, saturation=np.inf, miss=0.0),
-    "track": CostWeights(task=1e4, command=1e3, prior=1e2, saturation=np.inf, shortest=True, miss=0.0),
+    "track": CostWeights(
+        task=1e4, command=1e3, prior=1e2, saturation=np.inf, shortest=True, miss=0.0
+    ),
 }
 # For each preset, the weights of each kind of task.
 PRESETS = {
     "default": {"push": CostWeights(), "track": CostWeights(task=1e4)},
     "paper": _LETTER,
-    "paper-miss": {kind: weights._replace(miss=CostWeights().miss) for kind, weights in _LETTER.items()},
+    "paper-miss": {
+        kind: weights._replace(miss=CostWeights().miss) for kind, weights in _LETTER.items()
+    },
 }
 PAPER_PRESETS = ("paper", "paper-miss")  # with the paper's rigid contact and unlimited lead
 
@@ -63,8 +70,8 @@ def check_weight(name: str, value: Any) -> None:
         value: the value given.
 
     Raises:
-        InvalidParameterError: unless it is a truth value for "shortest", a finite number of at least 0 for the others,
-            or infinity for "saturation".
+        InvalidParameterError: unless it is a truth value for "shortest", a finite number of at
+            least 0 for the others, or infinity for "saturation".
     """
     if name == "shortest":
         if not isinstance(value, bool):
@@ -72,7 +79,9 @@ def check_weight(name: str, value: Any) -> None:
         return
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not (number and (0 <= value < np.inf or (name == "saturation" and value == np.inf))):
-        raise InvalidParameterError(f"weights[{name!r}] must be a finite number of at least 0, got {value!r}")
+        raise InvalidParameterError(
+            f"weights[{name!r}] must be a finite number of at least 0, got {value!r}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +90,8 @@ class Task:
 
     Args:
         name: its key in the table of tasks.
-        robot: name of the robot that it is made for; the same robot with other shapes can do it, too.
+        robot: name of the robot that it is made for; the same robot with other shapes can do it,
+            too.
         object: name of the object.
         start: object pose at the start, shape (3,), m and rad.
         goal: centre of the goal region, shape (2,), m.
@@ -89,7 +99,8 @@ class Task:
         reference: the object's reference position at each step, shape (horizon + 1, 2), m;
             no rows where the task only has a goal.
         env_id: id of the environment whose task it is.
-        side: what the keyword argument `reference` of that environment calls it, where several tasks share the id.
+        side: what the keyword argument `reference` of that environment calls it, where several
+            tasks share the id.
         summary: the task in a sentence.
     """
 
@@ -111,7 +122,9 @@ class Task:
 
     @property
     def kind(self) -> str:
-        """Whether the object is to be moved along a reference ("track") or to a goal alone ("push")."""
+        """Whether the object is to be moved along a reference ("track") or to a goal alone
+        ("push").
+        """
         return "track" if self.tracks else "push"
 
 
@@ -122,7 +135,8 @@ PLANAR_ARM = Task(
     start=np.array([0.55, 0.25, 0.0]),
     goal=np.array([-0.3, 0.4]),
     env_id="piec_envs/PlanarArmPush-v0",
-    summary="Push an object into a goal region with the whole planar 4-DOF arm (paper section 5.4).",
+    summary="Push an object into a goal region with the whole planar 4-DOF arm (paper section "
+    "5.4).",
 )
 MOBILE = Task(
     name="mobile_franka_push",
@@ -131,7 +145,8 @@ MOBILE = Task(
     start=np.array([0.35, 0.1, 0.0]),
     goal=np.array([0.2, -0.4]),
     env_id="piec_envs/MobileFrankaPush-v0",
-    summary="Push an object into a goal region with a Franka Panda on a mobile base (paper section 7.2).",
+    summary="Push an object into a goal region with a Franka Panda on a mobile base (paper "
+    "section 7.2).",
 )
 FIXED = Task(
     name="franka_push",
@@ -140,23 +155,29 @@ FIXED = Task(
     start=np.array([0.4, 0.2, np.pi / 2]),
     goal=np.array([0.2, -0.2]),
     env_id="piec_envs/FrankaPush-v0",
-    summary="Push a pack of paper rolls into a goal region with a Franka Panda on a fixed base (paper section 7.3).",
+    summary="Push a pack of paper rolls into a goal region with a Franka Panda on a fixed base "
+    "(paper section 7.3).",
 )
 
 
 def planar_arm_track() -> Task:
-    """Move the object of the planar arm around the base, its angle and its distance growing evenly in time."""
-    (x, y, _), goal = PLANAR_ARM.start, PLANAR_ARM.goal
+    """Move the object of the planar arm around the base, its angle and its distance growing evenly
+    in time.
+    """
+    (x, y, _) = PLANAR_ARM.start
+    goal = PLANAR_ARM.goal
     share = np.minimum(np.arange(HORIZON + 1) / ARRIVAL, 1.0)  # (horizon + 1,)
     angle = np.interp(share, [0, 1], [np.arctan2(y, x), np.arctan2(*goal[::-1])])
     radius = np.interp(share, [0, 1], [np.hypot(x, y), np.hypot(*goal)])
-    reference = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])  # (horizon + 1, 2)
+    # (horizon + 1, 2)
+    reference = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     return replace(
         PLANAR_ARM,
         name="planar_arm_track",
         reference=reference,
         env_id="piec_envs/PlanarArmTrack-v0",
-        summary="Move an object along an arc around the base, in time, with the whole planar 4-DOF arm.",
+        summary="Move an object along an arc around the base, in time, with the whole planar "
+        "4-DOF arm.",
     )
 
 
@@ -166,20 +187,27 @@ def mobile_franka_track(side: str) -> Task:
     Args:
         side: "left" or "right" of the straight line, seen with x to the right.
     """
-    start, goal = MOBILE.start[:2], MOBILE.goal
-    middle, half, sign = (start + goal) / 2, (goal - start) / 2, 1.0 if side == "right" else -1.0
+    start = MOBILE.start[:2]
+    goal = MOBILE.goal
+    middle = (start + goal) / 2
+    half = (goal - start) / 2
+    sign = 1.0 if side == "right" else -1.0
     bulge = np.array([-half[1], half[0]])  # to the right, as long as half the line
     centre = middle - sign * bulge / np.tan(ARC / 2)
     angle = sign * ARC * np.minimum(np.arange(HORIZON + 1) / ARRIVAL, 1.0)
-    c, s, (x, y) = np.cos(angle), np.sin(angle), start - centre
-    turned = np.column_stack([c * x + s * y, c * y - s * x])  # (horizon + 1, 2) clockwise to the right
+    c = np.cos(angle)
+    s = np.sin(angle)
+    (x, y) = start - centre
+    # (horizon + 1, 2) clockwise to the right
+    turned = np.column_stack([c * x + s * y, c * y - s * x])
     return replace(
         MOBILE,
         name=f"mobile_franka_track_{side}",
         reference=centre + turned,
         env_id="piec_envs/MobileFrankaTrack-v0",
         side=side,
-        summary="Move an object along an arc, in time, with a Franka Panda on a mobile base (paper section 7.2.2).",
+        summary="Move an object along an arc, in time, with a Franka Panda on a mobile base "
+        "(paper section 7.2.2).",
     )
 
 

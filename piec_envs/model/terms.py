@@ -1,4 +1,6 @@
-"""The terms of an observation and the measures of a state: their names, places, bounds and units, each listed once."""
+"""The terms of an observation and the measures of a state: their names, places, bounds and units,
+each listed once.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,12 @@ class Term:
     Args:
         name: its key in the layout.
         size: how many entries it has for a robot and a task; 0 leaves it out.
-        bound: largest absolute value of its entries, a number or one for each entry, given the robot.
+        bound: largest absolute value of its entries, a number or one for each entry, given the
+            robot.
         unit: of its entries.
         meaning: in words.
-        write: what computes it, shape (B, size), from the state, the task and the robot; None for the terms that
-            `observe_rows` writes.
+        write: what computes it, shape (B, size), from the state, the task and the robot; None for
+            the terms that `observe_rows` writes.
     """
 
     name: str
@@ -67,14 +70,33 @@ _UNIT = 1.0
 TERMS: list[Term] = [
     Term("cos_q", _turning, lambda robot: _UNIT, "", "cosine of each joint that turns"),
     Term("sin_q", _turning, lambda robot: _UNIT, "", "sine of each joint that turns"),
-    Term("q_r", _joints, lambda robot: JOINT_BOUND, "", "joints over their limits: -1 is the lower, 1 the upper"),
+    Term(
+        "q_r",
+        _joints,
+        lambda robot: JOINT_BOUND,
+        "",
+        "joints over their limits: -1 is the lower, 1 the upper",
+    ),
     Term("q_cmd", _joints, lambda robot: JOINT_BOUND, "", "commanded joints, likewise"),
-    Term("object", lambda robot, task: 4, _object_bound, "m", "x, y from the base, cosine and sine of the angle"),
+    Term(
+        "object",
+        lambda robot, task: 4,
+        _object_bound,
+        "m",
+        "x, y from the base, cosine and sine of the angle",
+    ),
     Term("goal", lambda robot, task: 2, lambda robot: 2 * POSITION_BOUND, "m", "goal minus object"),
-    Term("reference", _reference, lambda robot: 2 * POSITION_BOUND, "m", "reference of the next step minus object"),
+    Term(
+        "reference",
+        _reference,
+        lambda robot: 2 * POSITION_BOUND,
+        "m",
+        "reference of the next step minus object",
+    ),
     Term("time", lambda robot, task: 1, lambda robot: _UNIT, "", "step over horizon"),
 ]
-COS_Q, SIN_Q, Q_R, Q_CMD, OBJECT, GOAL, REFERENCE, TIME = range(8)  # places in TERMS of those that the kernel writes
+# places in TERMS of those that the kernel writes
+COS_Q, SIN_Q, Q_R, Q_CMD, OBJECT, GOAL, REFERENCE, TIME = range(8)
 
 
 class Layout(NamedTuple):
@@ -82,7 +104,8 @@ class Layout(NamedTuple):
 
     slices: dict[str, slice]
     bound: np.ndarray  # (size,) largest absolute values
-    offsets: np.ndarray  # (terms,) int64, first entry of each term of TERMS; -1 where it is left out
+    # (terms,) int64, first entry of each term of TERMS; -1 where it is left out
+    offsets: np.ndarray
     written: tuple[Term, ...]  # terms that no kernel writes
 
     @property

@@ -58,7 +58,9 @@ def _compound(outlines: Sequence[np.ndarray]) -> Path:
     """One path around all outlines: filled, they make a union."""
     from matplotlib.path import Path
 
-    return Path.make_compound_path(*(Path(np.vstack([outline, outline[:1]]), closed=True) for outline in outlines))
+    return Path.make_compound_path(
+        *(Path(np.vstack([outline, outline[:1]]), closed=True) for outline in outlines)
+    )
 
 
 def union_patch(outlines: Sequence[np.ndarray], **style: Any) -> PathPatch:
@@ -80,11 +82,14 @@ def link_outlines(robot: Robot, q: np.ndarray, grow: float = 0.0) -> list[list[n
         For each link, for each of its shapes, points of shape (m, 2), m.
     """
     frames = robot_frames(robot.name, q)
-    return [[_placed(shape, frames[link.frame], grow) for shape in link.shapes] for link in robot.links]
+    return [
+        [_placed(shape, frames[link.frame], grow) for shape in link.shapes] for link in robot.links
+    ]
 
 
 def scenery_outlines(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
-    """Outlines of the parts that touch nothing, those without shapes left out, shape (m, 2) each, m.
+    """Outlines of the parts that touch nothing, those without shapes left out, shape (m, 2) each,
+    m.
 
     Args:
         robot: the robot.
@@ -101,13 +106,18 @@ def arm_outlines(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
         robot: the robot.
         q: joint positions, shape (n,), rad or m.
     """
-    return [*(outline for link in link_outlines(robot, q) for outline in link), *scenery_outlines(robot, q)]
+    return [
+        *(outline for link in link_outlines(robot, q) for outline in link),
+        *scenery_outlines(robot, q),
+    ]
 
 
 # --- bodies ------------------------------------------------------------------------------------
 
 
-def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | None = None, **style: Any) -> None:
+def draw_robot(
+    ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | None = None, **style: Any
+) -> None:
     """Draw the links of a robot and its joints as circles; parts that touch nothing are pale.
 
     Args:
@@ -120,11 +130,14 @@ def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | 
     style = {"facecolor": LINK, "edgecolor": INK, "linewidth": 0.9, "zorder": 5, **style}
     _draw_scenery(ax, robot, q, **style)
     outlines = link_outlines(robot, q)
-    touched = np.zeros(len(outlines), dtype=bool) if contact is None else np.asarray(contact, dtype=bool)
+    touched = (
+        np.zeros(len(outlines), dtype=bool) if contact is None else np.asarray(contact, dtype=bool)
+    )
     for link in sorted(range(len(outlines)), key=lambda k: touched[k]):
         face = {"facecolor": TOUCHED} if touched[link] else {}
         ax.add_artist(union_patch(outlines[link], **{**style, **face}))
-    frames, reach = robot_frames(robot.name, q), min(_half_width(robot), 0.05)
+    frames = robot_frames(robot.name, q)
+    reach = min(_half_width(robot), 0.05)
     pale = {"alpha": PALE} if robot.whole_name != robot.name else {}
     for j, joint in enumerate(robot.joints):
         if joint.axis[2] != 0:
@@ -133,7 +146,9 @@ def draw_robot(ax: Axes, robot: Robot, q: np.ndarray, contact: Sequence[bool] | 
 
 
 def _draw_scenery(ax: Axes, robot: Robot, q: np.ndarray, **style: Any) -> None:
-    """The parts that touch nothing, paler than `style` and below it, as one shape of even transparency."""
+    """The parts that touch nothing, paler than `style` and below it, as one shape of even
+    transparency.
+    """
     outlines = scenery_outlines(robot, q)
     if outlines:
         faded = {"alpha": PALE * (style.get("alpha") or 1.0), "zorder": style["zorder"] - 0.1}
@@ -151,7 +166,9 @@ def draw_ghost(ax: Axes, robot: Robot, q: np.ndarray, **style: Any) -> None:
     """
     style = {"facecolor": LINK, "edgecolor": "none", "alpha": 0.4, "zorder": 4, **style}
     _draw_scenery(ax, robot, q, **style)
-    ax.add_artist(union_patch([outline for link in link_outlines(robot, q) for outline in link], **style))
+    ax.add_artist(
+        union_patch([outline for link in link_outlines(robot, q) for outline in link], **style)
+    )
 
 
 def draw_object(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
@@ -164,12 +181,19 @@ def draw_object(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
         style: properties of a Matplotlib patch.
     """
     style = {"facecolor": OBJECT, "edgecolor": INK, "linewidth": 1.1, "zorder": 6, **style}
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c = np.cos(pose[2])
+    s = np.sin(pose[2])
     frame = np.array([pose[0], pose[1], c, s])
     ax.add_artist(union_patch([_placed(shape, frame) for shape in item.shapes], **style))
-    inner, outer = 0.35 * item.bounding_radius, 0.75 * item.bounding_radius
+    inner = 0.35 * item.bounding_radius
+    outer = 0.75 * item.bounding_radius
     line: dict[str, Any] = {name: style.get(name) for name in ("linewidth", "alpha", "zorder")}
-    ax.plot(pose[0] + c * np.array([inner, outer]), pose[1] + s * np.array([inner, outer]), color=INK, **line)
+    ax.plot(
+        pose[0] + c * np.array([inner, outer]),
+        pose[1] + s * np.array([inner, outer]),
+        color=INK,
+        **line,
+    )
 
 
 def draw_loose(ax: Axes, item: Object, places: np.ndarray, **style: Any) -> None:
@@ -190,14 +214,24 @@ def draw_loose(ax: Axes, item: Object, places: np.ndarray, **style: Any) -> None
 def draw_key_points(ax: Axes, item: Object, pose: np.ndarray, **style: Any) -> None:
     """Draw the key points of an object, where its escape time is asked, as dots."""
     points = key_points_world(item.key_points, pose)  # (k, 2)
-    style = {"s": 16, "color": KEY_POINT, "edgecolors": "white", "linewidths": 0.6, "zorder": 8, **style}
+    style = {
+        "s": 16,
+        "color": KEY_POINT,
+        "edgecolors": "white",
+        "linewidths": 0.6,
+        "zorder": 8,
+        **style,
+    }
     ax.scatter(points[:, 0], points[:, 1], **style)
 
 
 def _half_width(robot: Robot) -> float:
     """Radius of the thinnest rounded part of the arm, m; 0.05 for sharp ones."""
-    parts = [link for link in robot.scenery if link.shapes] or robot.links  # a small tip makes no thin arm
-    return min((shape.radius for link in parts for shape in link.shapes if shape.radius > 0), default=0.05)
+    # a small tip makes no thin arm
+    parts = [link for link in robot.scenery if link.shapes] or robot.links
+    return min(
+        (shape.radius for link in parts for shape in link.shapes if shape.radius > 0), default=0.05
+    )
 
 
 def _dot(ax: Axes, centre: np.ndarray, radius: float, **style: Any) -> None:
@@ -210,12 +244,16 @@ def _dot(ax: Axes, centre: np.ndarray, radius: float, **style: Any) -> None:
 
 
 def draw_escape_path(ax: Axes, path: np.ndarray, **style: Any) -> None:
-    """Draw a fastest escape path, shape (m, 2), m; the grid's zigzag is smoothed over five points."""
+    """Draw a fastest escape path, shape (m, 2), m; the grid's zigzag is smoothed over five
+    points.
+    """
     cased_line(ax, escape_line(path), **{"color": PATH, "linewidth": 2.0, "zorder": 7, **style})
 
 
 def escape_line(path: np.ndarray) -> np.ndarray:
-    """A fastest escape path without the grid's zigzag, smoothed over five points, shape (m, 2), m."""
+    """A fastest escape path without the grid's zigzag, smoothed over five points, shape (m,
+    2), m.
+    """
     if len(path) <= 4:
         return path
     padded = np.pad(path, ((2, 2), (0, 0)), mode="reflect", reflect_type="odd")
@@ -229,7 +267,11 @@ def draw_trail(ax: Axes, trail: np.ndarray, **style: Any) -> None:
 
 def draw_reference(ax: Axes, reference: np.ndarray, **style: Any) -> None:
     """Draw the path to be tracked, shape (m, 2), m."""
-    cased_line(ax, reference, **{"color": GOAL, "linewidth": 1.6, "linestyle": (0, (4, 2)), "zorder": 4.4, **style})
+    cased_line(
+        ax,
+        reference,
+        **{"color": GOAL, "linewidth": 1.6, "linestyle": (0, (4, 2)), "zorder": 4.4, **style},
+    )
 
 
 def draw_workspace(ax: Axes, robot: Robot, q: np.ndarray) -> Any:
@@ -238,7 +280,9 @@ def draw_workspace(ax: Axes, robot: Robot, q: np.ndarray) -> Any:
 
 
 def draw_escape_circle(ax: Axes, centre: np.ndarray, radius: float) -> Any:
-    """Draw a circle that is to be crossed, dashed, around `centre`, shape (2,), m, and return it."""
+    """Draw a circle that is to be crossed, dashed, around `centre`, shape (2,), m, and
+    return it.
+    """
     from matplotlib.patches import Circle
 
     x, y = centre
@@ -250,8 +294,18 @@ def draw_escape_circle(ax: Axes, centre: np.ndarray, radius: float) -> Any:
 
 def draw_goal(ax: Axes, goal: np.ndarray, radius: float = GOAL_RADIUS, **style: Any) -> None:
     """Draw the goal region around `goal`, shape (2,), m."""
-    _dot(ax, goal, radius, **{"facecolor": GOAL, "edgecolor": "none", "alpha": 0.4, "zorder": 3.5, **style})
-    _dot(ax, goal, radius, **{"facecolor": "none", "edgecolor": GOAL, "linewidth": 2.0, "zorder": 6.5, **style})
+    _dot(
+        ax,
+        goal,
+        radius,
+        **{"facecolor": GOAL, "edgecolor": "none", "alpha": 0.4, "zorder": 3.5, **style},
+    )
+    _dot(
+        ax,
+        goal,
+        radius,
+        **{"facecolor": "none", "edgecolor": GOAL, "linewidth": 2.0, "zorder": 6.5, **style},
+    )
 
 
 def cased_line(ax: Axes, points: np.ndarray, **style: Any) -> None:

@@ -1,8 +1,9 @@
-"""The fastest way out of a posture as pictures show it: a free one, or, where there is none, the one that leaks.
+"""The fastest way out of a posture as pictures show it: a free one, or, where there is none, the
+one that leaks.
 
-The wall around the robot leaks, so that T is finite everywhere and has a slope to descend. A fastest way
-may therefore run through a link. Such a part is dashed, and so is the whole way of an object that is
-enclosed: under a hard wall nothing leads out.
+The wall around the robot leaks, so that T is finite everywhere and has a slope to descend. A
+fastest way may therefore run through a link. Such a part is dashed, and so is the whole way of an
+object that is enclosed: under a hard wall nothing leads out.
 """
 
 from __future__ import annotations
@@ -17,7 +18,13 @@ import numpy as np
 
 from piec_envs.escape.base import BatchedField, FieldMap
 from piec_envs.escape.between import distance_at
-from piec_envs.escape.field import CAGING_SCALE, HARD_WALL, key_points_world, make_field, object_escape_time
+from piec_envs.escape.field import (
+    CAGING_SCALE,
+    HARD_WALL,
+    key_points_world,
+    make_field,
+    object_escape_time,
+)
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.rendering.drawing import PATH, cased_line, escape_line, rim
@@ -35,7 +42,8 @@ LEAKS = "fastest through the wall, which leaks"
 OPEN = "open"
 LINE: dict[str, Any] = {"color": PATH, "linewidth": 2.0, "zorder": 7}
 DASHED: dict[str, Any] = {"linestyle": (0, (2.2, 1.4)), "dash_capstyle": "butt"}
-GRAZE = 0.5  # cells of such a field by which a sampled way may dip into the wall and still passes beside it
+# cells of such a field by which a sampled way may dip into the wall and still passes beside it
+GRAZE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +79,9 @@ def picture_field(robot_name: str, speed: SpeedModel) -> GridField:
     return GridField(robot_name, RESOLUTION, "marching", speed, threads=1)
 
 
-def enclosed_points(robot_name: str, points: np.ndarray, q: np.ndarray, speed: SpeedModel) -> np.ndarray:
+def enclosed_points(
+    robot_name: str, points: np.ndarray, q: np.ndarray, speed: SpeedModel
+) -> np.ndarray:
     """Whether nothing leads out of points under a hard wall, as static caging decides it.
 
     Args:
@@ -160,7 +170,8 @@ def runs(flags: np.ndarray) -> list[slice]:
 
 
 def draw_way(ax: Axes, way: np.ndarray, walled: np.ndarray, enclosed: bool, **style: Any) -> None:
-    """Draw a way out: a line where it is free, dashes in the wall and wherever the object is enclosed.
+    """Draw a way out: a line where it is free, dashes in the wall and wherever the object is
+    enclosed.
 
     Args:
         ax: where to draw.

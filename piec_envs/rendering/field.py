@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 WALL = "#9aa0ad"
-FIELD_COLOURS = ("#cfd6ea", "#a3a6d3", "#8377b8", "#6a4a9b", "#4c2477", "#2a0f4a")  # caging 0 to FIELD_TOP
+# caging 0 to FIELD_TOP
+FIELD_COLOURS = ("#cfd6ea", "#a3a6d3", "#8377b8", "#6a4a9b", "#4c2477", "#2a0f4a")
 FIELD_TOP = 1.0  # caging at the end of the colour scale, at least
 TOP_STEP = 0.2  # caging; that end goes up in such steps where captions go beyond it
 CONTOUR_STEP = 0.1  # caging between two contours
@@ -64,7 +65,8 @@ def field_colours() -> Colormap:
 def draw_field(
     ax: Axes, robot: Robot, q: np.ndarray, field_map: FieldMap, style: FieldStyle | None = None
 ) -> AxesImage:
-    """Draw caging = 0.02 T as a heat map with contours, the wall around the robot and the workspace.
+    """Draw caging = 0.02 T as a heat map with contours, the wall around the robot and the
+    workspace.
 
     Args:
         ax: where to draw.
@@ -77,22 +79,29 @@ def draw_field(
         The image, for a colour bar.
     """
     style = style or FieldStyle()
-    x, y = field_map.x, field_map.y
+    x = field_map.x
+    y = field_map.y
     caging = _filled(field_map, style.speed, style.top)
     levels = CONTOUR_STEP * np.arange(1, round(style.top / CONTOUR_STEP))
     scale: dict[str, Any] = {"cmap": field_colours(), "vmin": 0.0, "vmax": style.top}
     image = draw_nodes(ax, x, y, caging, interpolation="bilinear", **scale)
     circle = draw_workspace(ax, robot, q)
     image.set_clip_path(circle)
-    lines = ax.contour(x, y, caging, levels=levels, colors="white", linewidths=style.line, alpha=0.85, zorder=2)
+    lines = ax.contour(
+        x, y, caging, levels=levels, colors="white", linewidths=style.line, alpha=0.85, zorder=2
+    )
     lines.set_clip_path(circle)
     if style.labels:
-        ax.clabel(lines, levels[1::2], fmt="%.1f", fontsize=style.font, inline_spacing=3, zorder=2.5)
+        ax.clabel(
+            lines, levels[1::2], fmt="%.1f", fontsize=style.font, inline_spacing=3, zorder=2.5
+        )
     draw_wall(ax, robot, q, style.speed)
     return image
 
 
-def draw_nodes(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, **style: Any) -> AxesImage:
+def draw_nodes(
+    ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, **style: Any
+) -> AxesImage:
     """Draw values on the nodes of a grid as an image.
 
     Args:
@@ -107,7 +116,9 @@ def draw_nodes(ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, **sty
     """
     half = 0.5 * (x[1] - x[0])
     extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
-    return ax.imshow(values, extent=extent, origin="lower", **{"interpolation": "nearest", "zorder": 1, **style})
+    return ax.imshow(
+        values, extent=extent, origin="lower", **{"interpolation": "nearest", "zorder": 1, **style}
+    )
 
 
 def draw_wall(ax: Axes, robot: Robot, q: np.ndarray, speed: SpeedModel) -> None:
@@ -124,7 +135,9 @@ def draw_wall(ax: Axes, robot: Robot, q: np.ndarray, speed: SpeedModel) -> None:
 
 
 def _filled(field_map: FieldMap, speed: SpeedModel, top: float = FIELD_TOP) -> np.ndarray:
-    """Caging on the grid, carried on evenly into the wall, which hides it, so that contours run up to it."""
+    """Caging on the grid, carried on evenly into the wall, which hides it, so that contours run up
+    to it.
+    """
     wall = field_map.speed <= max(speed.leak, speed.floor) * speed.u_bar * (1 + 1e-9)  # (N, N)
     caging = CAGING_SCALE * np.where(np.isfinite(field_map.T), field_map.T, top / CAGING_SCALE)
     return np.minimum(carried_into_wall(caging, wall), top)

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from piec_envs.model.state import State
 
 INCHES = 7.2  # side of the figure; line widths and fonts scale with the frame
-SAID_ENCLOSED = ENCLOSED.replace(": ", ":\n").splitlines()  # narrow, for the corner beside the workspace
+# narrow, for the corner beside the workspace
+SAID_ENCLOSED = ENCLOSED.replace(": ", ":\n").splitlines()
 MARGIN = 1.03  # visible half-width over that of the view
 
 
@@ -61,7 +62,12 @@ def pixels(figure: Figure) -> np.ndarray:
 
 
 def render_frame(
-    model: Model, state: State, measured: Measured, row: int, trail: np.ndarray | None = None, size: int = 720
+    model: Model,
+    state: State,
+    measured: Measured,
+    row: int,
+    trail: np.ndarray | None = None,
+    size: int = 720,
 ) -> np.ndarray:
     """Draw one of several states.
 
@@ -77,14 +83,18 @@ def render_frame(
         The picture, shape (size, size, 3), uint8; the same for the same state.
     """
     figure, ax = new_axis(size)
-    robot, task = model.robot, model.task
-    q, pose = state.q_r[row], state.pose[row]
+    robot = model.robot
+    task = model.task
+    q = state.q_r[row]
+    pose = state.pose[row]
     item = get_object(state.params[row].object)
     enclosed = False
     if model.field is None:
         draw_workspace(ax, robot, q)
     else:
-        enclosed = _draw_escape(ax, robot, item, pose, q, getattr(model.field, "speed", SpeedModel())).enclosed
+        enclosed = _draw_escape(
+            ax, robot, item, pose, q, getattr(model.field, "speed", SpeedModel())
+        ).enclosed
     if task.tracks:
         draw_reference(ax, task.reference)
     if trail is not None and len(trail) > 1:
@@ -99,7 +109,9 @@ def render_frame(
     return pixels(figure)
 
 
-def _draw_escape(ax: Axes, robot: Robot, item: Object, pose: np.ndarray, q: np.ndarray, speed: SpeedModel) -> Escape:
+def _draw_escape(
+    ax: Axes, robot: Robot, item: Object, pose: np.ndarray, q: np.ndarray, speed: SpeedModel
+) -> Escape:
     """The field around a posture, and the fastest way out for an object."""
     escape = solve_escape(robot.name, item, pose, q, speed)
     draw_field(ax, robot, q, escape.field_map, FieldStyle(speed))
@@ -118,12 +130,15 @@ def render_posture(caged: Caged, size: int = 720) -> np.ndarray:
         The picture, shape (size, size, 3), uint8; the same for the same posture.
     """
     figure, ax = new_axis(size)
-    robot, item = get_robot(caged.robot), get_object(caged.object)
+    robot = get_robot(caged.robot)
+    item = get_object(caged.object)
     _draw_escape(ax, robot, item, caged.pose, caged.q_r, caged.speed)
     draw_robot(ax, robot, caged.q_r)
     draw_object(ax, item, caged.pose)
     draw_key_points(ax, item, caged.pose)
-    words = SAID_ENCLOSED if caged.enclosed else ["start" if caged.enclosed is None else "not enclosed"]
+    words = (
+        SAID_ENCLOSED if caged.enclosed else ["start" if caged.enclosed is None else "not enclosed"]
+    )
     _note(ax, [*words, f"caging = {CAGING_SCALE * caged.escape_time:.2f}"])
     _look_at(ax, View(base_position(robot, caged.q_r), robot.workspace_radius))
     return pixels(figure)
@@ -142,11 +157,17 @@ def _caption(step: int, distance: float, caging: float | None, enclosed: bool) -
 
 def _note(ax: Axes, lines: list[str]) -> None:
     """Lines of text in the upper left corner."""
-    style: dict[str, Any] = {"transform": ax.transAxes, "color": INK, "va": "top", "linespacing": 1.35}
+    style: dict[str, Any] = {
+        "transform": ax.transAxes,
+        "color": INK,
+        "va": "top",
+        "linespacing": 1.35,
+    }
     ax.text(0.015, 0.985, "\n".join(lines), fontsize=11, **style)
 
 
 def _look_at(ax: Axes, view: View) -> None:
-    low, high = view.centre - MARGIN * view.half, view.centre + MARGIN * view.half
+    low = view.centre - MARGIN * view.half
+    high = view.centre + MARGIN * view.half
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])

@@ -1,4 +1,6 @@
-"""OpenGL for frames in space: which backend, what every thread may do with it, and what no fork may."""
+"""OpenGL for frames in space: which backend, what every thread may do with it, and what no fork
+may.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +18,11 @@ from typing import Any
 from piec_envs.errors import RenderingError
 
 AFTER_FORK = (
-    "renderer='mujoco' cannot draw here: OpenGL was in use in the process that this one was forked from, and does not "
+    "renderer='mujoco' cannot draw here: OpenGL was in use in the process that this one was "
+    "forked from, and does not "
     "survive a fork; start workers by spawn (AsyncVectorEnv(..., context='spawn'), "
-    "multiprocessing.get_context('spawn')), draw nothing before they start, or use renderer='drawing'"
+    "multiprocessing.get_context('spawn')), draw nothing before they start, or use "
+    "renderer='drawing'"
 )
 _forked = False  # from a process that had OpenGL in use
 _owners: weakref.WeakSet[Any] = weakref.WeakSet()  # of open `Offscreen`s
@@ -76,8 +80,10 @@ class Offscreen:
             return
         try:
             renderer.scene.ngeom = 0
-            renderer.render()  # makes its context current: closing frees by numbers, which others use too
-        except Exception:  # another thread holds it, where `_release` cannot: lost is better than others' freed
+            # makes its context current: closing frees by numbers, which others use too
+            renderer.render()
+        # another thread holds it, where `_release` cannot: lost is better than others' freed
+        except Exception:
             _keep_for_ever(renderer)
             return
         renderer.close()
@@ -108,19 +114,25 @@ def _gl_context() -> Any:
 
 @contextmanager
 def _explained() -> Iterator[None]:
-    """Say what to do where OpenGL fails: each backend does so in its own way, some when imported."""
+    """Say what to do where OpenGL fails: each backend does so in its own way, some when
+    imported.
+    """
     try:
         yield
     except Exception as cause:
         raise RenderingError(
-            f"renderer='mujoco' could not open OpenGL with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r} "
-            f"({type(cause).__name__}: {cause}); without a screen set MUJOCO_GL=egl, or MUJOCO_GL=osmesa where "
+            f"renderer='mujoco' could not open OpenGL with "
+            f"MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r} "
+            f"({type(cause).__name__}: {cause}); without a screen set MUJOCO_GL=egl, or "
+            f"MUJOCO_GL=osmesa where "
             "libosmesa is installed, before Python starts, or use renderer='drawing'"
         ) from cause
 
 
 def _choose_backend() -> None:
-    """Take EGL where nothing was chosen and there is no screen, even if MuJoCo has been imported before."""
+    """Take EGL where nothing was chosen and there is no screen, even if MuJoCo has been imported
+    before.
+    """
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform != "linux" or screen or os.environ.get("MUJOCO_GL"):
         return
@@ -131,7 +143,9 @@ def _choose_backend() -> None:
 
 @cache
 def _close_at_exit() -> None:
-    """Close what was left open before EGL ends: to be called once EGL has registered its own end."""
+    """Close what was left open before EGL ends: to be called once EGL has registered its
+    own end.
+    """
     atexit.register(_close_all)
 
 
@@ -146,13 +160,16 @@ def _keep_for_ever(item: Any) -> None:
 
 
 def _after_fork() -> None:
-    """Give up what was opened before: its threads and its connection to the driver are the parent's."""
+    """Give up what was opened before: its threads and its connection to the driver are the
+    parent's.
+    """
     global _forked
     _forked = _forked or _used or _in_use_by_others()
     for owner in list(_owners):
         _keep_for_ever(owner.renderer)
     _owners.clear()
-    if "mujoco.egl" in sys.modules:  # it ends EGL at exit, which would wait for threads that are not there
+    # it ends EGL at exit, which would wait for threads that are not there
+    if "mujoco.egl" in sys.modules:
         atexit.unregister(vars(sys.modules["mujoco.egl"])["EGL"].eglTerminate)
 
 

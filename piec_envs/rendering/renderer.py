@@ -24,7 +24,8 @@ class Renderer:
     """Draws frames; what that needs is loaded with the first of them.
 
     Args:
-        name: "drawing", the plane drawn in software, or "mujoco", the scene in space through OpenGL.
+        name: "drawing", the plane drawn in software, or "mujoco", the scene in space through
+            OpenGL.
 
     Raises:
         UnknownNameError: for another name.
@@ -36,7 +37,12 @@ class Renderer:
         self._space: SpaceFrames | None = None
 
     def frame(
-        self, model: Model, state: State, measured: Measured, row: int, trail: np.ndarray | None = None
+        self,
+        model: Model,
+        state: State,
+        measured: Measured,
+        row: int,
+        trail: np.ndarray | None = None,
     ) -> np.ndarray:
         """Draw one of several states.
 
@@ -51,7 +57,8 @@ class Renderer:
             The picture, shape (720, 720, 3), uint8.
 
         Raises:
-            RenderingError: where "mujoco" finds no OpenGL, or in a process forked after OpenGL was in use.
+            RenderingError: where "mujoco" finds no OpenGL, or in a process forked after OpenGL was
+                in use.
         """
         if self.name == "drawing":
             from piec_envs.rendering.frame import render_frame

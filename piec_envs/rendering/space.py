@@ -21,16 +21,34 @@ if TYPE_CHECKING:
     from piec_envs.world.robots import Robot
 
 SIZE = 720  # height and width of a frame, pixels
-ELEVATION, AZIMUTH = -60.0, 90.0  # of the camera's line of sight, degrees; x points right in the picture
-DISTANCE, BEFORE = 2.68, 0.09  # of the camera from what it looks at, and of that from the base, over the radius
-TABLE, HIDDEN = (0.93, 0.93, 0.91, 1.0), (0.0, 0.0, 0.0, 0.0)
-FLOOR, RIM = (0.85, 0.86, 0.87, 1.0), (0.84, 0.27, 0.24, 1.0)  # where the base slides, and of its workspace
-FLOOR_RADIUS, RIM_WIDTH, PLATE_RADIUS = 4.0, 0.012, 0.11  # over the view's half; m; m, of what marks the base
+# of the camera's line of sight, degrees; x points right in the picture
+ELEVATION = -60.0
+AZIMUTH = 90.0
+# of the camera from what it looks at, and of that from the base, over the radius
+DISTANCE = 2.68
+BEFORE = 0.09
+TABLE = (0.93, 0.93, 0.91, 1.0)
+HIDDEN = (0.0, 0.0, 0.0, 0.0)
+# where the base slides, and of its workspace
+FLOOR = (0.85, 0.86, 0.87, 1.0)
+RIM = (0.84, 0.27, 0.24, 1.0)
+# over the view's half; m; m, of what marks the base
+FLOOR_RADIUS = 4.0
+RIM_WIDTH = 0.012
+PLATE_RADIUS = 0.11
 BACKGROUND = (0.80, 0.84, 0.89)
-MEASURE_COLUMNS, GOAL, TRAIL = (0.20, 0.23, 0.29, 1.0), (0.12, 0.65, 0.47, 1.0), (0.96, 0.70, 0.20, 1.0)
-TABLE_HEIGHT, MARK_HEIGHT = 0.05, 1e-3  # of the table top, and of flat discs on it, m
-TRAIL_MARKS, REFERENCE_MARKS = 200, 40  # at most
-TRAIL_RADIUS, REFERENCE_RADIUS = 0.012, 0.008  # of a mark, m
+MEASURE_COLUMNS = (0.20, 0.23, 0.29, 1.0)
+GOAL = (0.12, 0.65, 0.47, 1.0)
+TRAIL = (0.96, 0.70, 0.20, 1.0)
+# of the table top, and of flat discs on it, m
+TABLE_HEIGHT = 0.05
+MARK_HEIGHT = 1e-3
+# at most
+TRAIL_MARKS = 200
+REFERENCE_MARKS = 40
+# of a mark, m
+TRAIL_RADIUS = 0.012
+REFERENCE_RADIUS = 0.008
 
 
 class Mark(NamedTuple):
@@ -43,7 +61,9 @@ class Mark(NamedTuple):
     thickness: float = MARK_HEIGHT  # m
 
 
-def task_marks(goal: np.ndarray, reference: np.ndarray | None = None, trail: np.ndarray | None = None) -> list[Mark]:
+def task_marks(
+    goal: np.ndarray, reference: np.ndarray | None = None, trail: np.ndarray | None = None
+) -> list[Mark]:
     """The goal region, a reference and the way of an object as discs on the table.
 
     Args:
@@ -59,12 +79,17 @@ def task_marks(goal: np.ndarray, reference: np.ndarray | None = None, trail: np.
         points = _thinned(reference, REFERENCE_MARKS)
         marks += [Mark(point, REFERENCE_RADIUS, 0.5 * MARK_HEIGHT, GOAL) for point in points]
     if trail is not None and len(trail) > 1:
-        marks += [Mark(point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL) for point in _thinned(trail, TRAIL_MARKS)]
+        marks += [
+            Mark(point, TRAIL_RADIUS, 1.5 * MARK_HEIGHT, TRAIL)
+            for point in _thinned(trail, TRAIL_MARKS)
+        ]
     return marks
 
 
 class SpaceFrames:
-    """Draws frames through OpenGL and keeps one renderer for each scene until it is closed; copies open their own."""
+    """Draws frames through OpenGL and keeps one renderer for each scene until it is closed; copies
+    open their own.
+    """
 
     def __init__(self):
         self._opened: dict[tuple[str, str], Offscreen] = {}
@@ -72,7 +97,9 @@ class SpaceFrames:
     def __reduce__(self) -> tuple:
         return SpaceFrames, ()
 
-    def frame(self, model: Model, state: State, row: int, trail: np.ndarray | None = None) -> np.ndarray:
+    def frame(
+        self, model: Model, state: State, row: int, trail: np.ndarray | None = None
+    ) -> np.ndarray:
         """Draw one of several states.
 
         Args:
@@ -90,7 +117,9 @@ class SpaceFrames:
         marks = task_marks(model.task.goal, model.task.reference, trail)
         name = state.params[row].object
         view = episode_view(model.robot, state.q_r[row], model.task)
-        return self.scene(model.robot, name, state.q_r[row], state.pose[row], marks, view, state.loose_places(row))
+        return self.scene(
+            model.robot, name, state.q_r[row], state.pose[row], marks, view, state.loose_places(row)
+        )
 
     def scene(
         self,
@@ -111,8 +140,8 @@ class SpaceFrames:
             pose: the object's x, y, angle, shape (3,), m, rad.
             marks: discs on the table.
             view: what is to be seen; None is the workspace.
-            loose: position and quaternion of each of the object's loose bodies, shape (k, 7); None stands
-                them where episodes begin.
+            loose: position and quaternion of each of the object's loose bodies, shape (k, 7); None
+                stands them where episodes begin.
 
         Returns:
             The picture, shape (720, 720, 3), uint8.
@@ -175,24 +204,44 @@ def _model(robot: Robot, object_name: str) -> Any:
     if not any(link.frame == robot.base_dof for link in robot.scenery):
         base = spec.body(robot.joints[robot.base_dof - 1].name if robot.base_dof else "base")
         base.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.07, 0.6 * item.height, 0], pos=[0, 0, 0.1 * item.height],
-            rgba=MEASURE_COLUMNS, contype=0, conaffinity=0, mass=0,
-        )  # fmt: skip
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[0.07, 0.6 * item.height, 0],
+            pos=[0, 0, 0.1 * item.height],
+            rgba=MEASURE_COLUMNS,
+            contype=0,
+            conaffinity=0,
+            mass=0,
+        )
     for position, shade in (((-1.6, 0.9, 2.8), 0.42), ((1.2, -1.4, 2.6), 0.22)):
         spec.worldbody.add_light(
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=position, dir=[-c for c in position],
-            diffuse=3 * [shade], specular=3 * [0.12], castshadow=True,
-        )  # fmt: skip
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            pos=position,
+            dir=[-c for c in position],
+            diffuse=3 * [shade],
+            specular=3 * [0.12],
+            castshadow=True,
+        )
     spec.add_texture(
-        name="background", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=BACKGROUND, rgb2=BACKGROUND, width=64, height=384,
-    )  # fmt: skip
-    spec.stat.center, spec.stat.extent = [0, 0, 0], 1.5 * robot.workspace_radius
+        name="background",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=BACKGROUND,
+        rgb2=BACKGROUND,
+        width=64,
+        height=384,
+    )
+    spec.stat.center = [0, 0, 0]
+    spec.stat.extent = 1.5 * robot.workspace_radius
     visual = spec.visual
     visual.global_.offwidth = visual.global_.offheight = SIZE
-    visual.headlight.ambient, visual.headlight.diffuse, visual.headlight.specular = 3 * [0.38], 3 * [0.08], 3 * [0.0]
-    visual.quality.shadowsize, visual.quality.offsamples, visual.quality.numslices = 4096, 8, 64
-    visual.map.shadowclip = 2.5 if robot.base_dof else 1.0  # over the extent; beyond it shadows turn to noise
+    visual.headlight.ambient = 3 * [0.38]
+    visual.headlight.diffuse = 3 * [0.08]
+    visual.headlight.specular = 3 * [0.0]
+    visual.quality.shadowsize = 4096
+    visual.quality.offsamples = 8
+    visual.quality.numslices = 64
+    # over the extent; beyond it shadows turn to noise
+    visual.map.shadowclip = 2.5 if robot.base_dof else 1.0
     return spec.compile()
 
 
@@ -203,13 +252,18 @@ def _camera(view: View) -> Any:
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat[:] = (view.centre[0], view.centre[1] - BEFORE * view.half, 0.0)
-    camera.elevation, camera.azimuth, camera.distance = ELEVATION, AZIMUTH, DISTANCE * view.half
+    camera.elevation = ELEVATION
+    camera.azimuth = AZIMUTH
+    camera.distance = DISTANCE * view.half
     return camera
 
 
 def _ground(robot: Robot, q: np.ndarray, view: View) -> list[Mark]:
-    """The workspace as a round table, or, where the base slides, as a disc on a floor that goes along with it."""
-    base, radius = base_position(robot, q), robot.workspace_radius
+    """The workspace as a round table, or, where the base slides, as a disc on a floor that goes
+    along with it.
+    """
+    base = base_position(robot, q)
+    radius = robot.workspace_radius
     if not robot.base_dof:
         return [Mark(base, radius, 0.0, TABLE, TABLE_HEIGHT)]
     return [
@@ -226,8 +280,11 @@ def _add_disc(scene: Any, mark: Mark) -> None:
 
     position = np.array([*mark.centre, mark.top - mark.thickness / 2])
     size = np.array([mark.radius, mark.thickness / 2, 0.0])
-    cylinder, colours = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array(mark.colour, dtype=np.float32)
-    mujoco.mjv_initGeom(scene.geoms[scene.ngeom], cylinder, size, position, np.eye(3).ravel(), colours)
+    cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
+    colours = np.array(mark.colour, dtype=np.float32)
+    mujoco.mjv_initGeom(
+        scene.geoms[scene.ngeom], cylinder, size, position, np.eye(3).ravel(), colours
+    )
     scene.ngeom += 1
 
 

@@ -11,8 +11,11 @@ from piec_envs.rendering.drawing import arm_outlines, base_position
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import Robot
 
-LEAST_VIEW, VIEW_MARGIN = 0.45, 1.15  # half-width of a close view, over the workspace's radius and over what it shows
-NEAR_EDGE = 0.5  # least distance of a base from the edge of an episode's view, over the workspace's radius
+# half-width of a close view, over the workspace's radius and over what it shows
+LEAST_VIEW = 0.45
+VIEW_MARGIN = 1.15
+# least distance of a base from the edge of an episode's view, over the workspace's radius
+NEAR_EDGE = 0.5
 
 
 class View(NamedTuple):
@@ -36,7 +39,8 @@ def close_view(robot: Robot, q: np.ndarray, item: Object, pose: np.ndarray) -> V
     """
     around = pose[:2] + item.bounding_radius * np.array([[-1.0, -1.0], [1.0, 1.0]])
     corners = np.concatenate([*arm_outlines(robot, q), around])
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
     half = max(LEAST_VIEW * robot.workspace_radius, VIEW_MARGIN * float((high - low).max()) / 2)
     return View(0.5 * (low + high), half)
 
@@ -44,8 +48,9 @@ def close_view(robot: Robot, q: np.ndarray, item: Object, pose: np.ndarray) -> V
 def episode_view(robot: Robot, q: np.ndarray, task: Task) -> View:
     """A square that stands still over an episode, so that nothing jumps from frame to frame.
 
-    Around a base that stands it is the workspace. For a base that slides it is what the task names, start,
-    goal and reference, with the workspace's radius on all sides, and follows a base that comes near its edge.
+    Around a base that stands it is the workspace. For a base that slides it is what the task names,
+    start, goal and reference, with the workspace's radius on all sides, and follows a base that
+    comes near its edge.
 
     Args:
         robot: the robot.
@@ -55,11 +60,15 @@ def episode_view(robot: Robot, q: np.ndarray, task: Task) -> View:
     Returns:
         The square.
     """
-    base, radius = base_position(robot, q), robot.workspace_radius
+    base = base_position(robot, q)
+    radius = robot.workspace_radius
     if not robot.base_dof:
         return View(base, radius)
     named = np.vstack([task.start[:2], task.goal, task.reference])  # (m, 2)
-    low, high = named.min(axis=0), named.max(axis=0)
-    centre, half = 0.5 * (low + high), radius + 0.5 * float((high - low).max())
-    room, offset = half - NEAR_EDGE * radius, base - centre
+    low = named.min(axis=0)
+    high = named.max(axis=0)
+    centre = 0.5 * (low + high)
+    half = radius + 0.5 * float((high - low).max())
+    room = half - NEAR_EDGE * radius
+    offset = base - centre
     return View(centre + offset - np.clip(offset, -room, room), half)

@@ -60,7 +60,8 @@ class Object:
             depth = max(depth_inside(shape, point) for shape in self.shapes)
             if depth < MIN_KEY_POINT_DEPTH:
                 raise InvalidShapeError(
-                    f"key point {point.tolist()} of {self.name!r} lies {depth:.3f} m inside the surface; "
+                    f"key point {point.tolist()} of {self.name!r} lies {depth:.3f} m inside the "
+                    f"surface; "
                     f"at least {MIN_KEY_POINT_DEPTH} m is needed"
                 )
 
@@ -71,7 +72,9 @@ class Object:
 
     @property
     def gyration(self) -> float:
-        """Radius of gyration about the origin of an even solid of these shapes, which do not overlap, m."""
+        """Radius of gyration about the origin of an even solid of these shapes, which do not
+        overlap, m.
+        """
         moments = [shape.polar_moment for shape in self.shapes]
         return float(np.sqrt(sum(moments) / sum(shape.area for shape in self.shapes)))
 
@@ -99,7 +102,9 @@ def _single(name: str, shape: RoundedPolygon, height: float = 0.1) -> Object:
 
 
 def _discs(name: str, centres: np.ndarray, radius: float, height: float = 0.1) -> Object:
-    return Object(name, tuple(disc(radius, centre) for centre in centres), key_points=centres, height=height)
+    return Object(
+        name, tuple(disc(radius, centre) for centre in centres), key_points=centres, height=height
+    )
 
 
 def _grid(x: tuple[float, ...], y: tuple[float, ...]) -> np.ndarray:
@@ -110,23 +115,30 @@ def _grid(x: tuple[float, ...], y: tuple[float, ...]) -> np.ndarray:
 _ROLLS = _grid((-0.1, 0.0, 0.1), (-0.05, 0.05))  # (6, 2) of a paper pack
 _ROLL_RADIUS = 0.05  # m
 _PACK_HEIGHT = 0.22  # m
-# Where the loose roll beside the box stands, 1 mm from it: near the first contacts of a Franka that begins to pull
-# the box towards its base (inside of the elbow, fingertips), and twice ahead of the box on its way.
+# Where the loose roll beside the box stands, 1 mm from it: near the first contacts of a Franka that
+# begins to pull the box towards its base (inside of the elbow, fingertips), and twice ahead of the
+# box on its way.
 _PLACEMENTS = ((0.05, 0.161), (-0.08, -0.161), (-0.206, 0.06), (-0.206, -0.06))  # m
 
 
 def _a4_box(name: str, *placements: tuple[float, float]) -> Object:
-    """The box that a paper pack is taken for, with a loose roll at each placement (m) in its frame."""
-    rolls = [Loose((disc(_ROLL_RADIUS),), (*at, 0.0), mass=0.1, height=_PACK_HEIGHT) for at in placements]
-    return Object(name, (box(0.31, 0.22),), _ROLLS, mass=0.6, height=_PACK_HEIGHT, loose=tuple(rolls))
+    """The box that a paper pack is taken for, with a loose roll at each placement (m) in
+    its frame.
+    """
+    rolls = [
+        Loose((disc(_ROLL_RADIUS),), (*at, 0.0), mass=0.1, height=_PACK_HEIGHT) for at in placements
+    ]
+    return Object(
+        name, (box(0.31, 0.22),), _ROLLS, mass=0.6, height=_PACK_HEIGHT, loose=tuple(rolls)
+    )
 
 
 _TRIANGLE = np.array([(np.cos(a), np.sin(a)) for a in np.pi / 2 + 2 * np.pi / 3 * np.arange(3)])
 
-# Everyday objects are as tall as they are; the others could be of any height. A box is held by its centre
-# and by discs in its corners, of the radius of the rolls in a paper pack.
-# A paper pack is six rolls; wrapped it is their rounded outline, and the sharp box is larger still. The three
-# have the same key points, so that they are held alike whatever they are.
+# Everyday objects are as tall as they are; the others could be of any height. A box is held by its
+# centre and by discs in its corners, of the radius of the rolls in a paper pack.
+# A paper pack is six rolls; wrapped it is their rounded outline, and the sharp box is larger still.
+# The three have the same key points, so that they are held alike whatever they are.
 # The polygons contain the circle (same apothem): corner excess 6.2, 11.6 and 31.1 mm.
 OBJECTS = {
     item.name: item
@@ -140,7 +152,10 @@ OBJECTS = {
         _single("box_212", box(0.212, 0.212)),
         _single("water_jug", disc(0.08), height=0.3),
         Object(
-            "box", (box(0.3, 0.2),), np.concatenate([np.zeros((1, 2)), _grid((-0.1, 0.1), (-0.05, 0.05))]), height=0.25
+            "box",
+            (box(0.3, 0.2),),
+            np.concatenate([np.zeros((1, 2)), _grid((-0.1, 0.1), (-0.05, 0.05))]),
+            height=0.25,
         ),
         _discs("paper_pack", _ROLLS, _ROLL_RADIUS, height=_PACK_HEIGHT),
         Object(

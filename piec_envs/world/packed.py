@@ -82,7 +82,9 @@ def _reach(robot) -> np.ndarray:
             if link.frame <= j:
                 continue
             chain = sum(np.hypot(*inner.origin[:2]) for inner in robot.joints[j + 1 : link.frame])
-            tip = max(float(np.linalg.norm(s.vertices, axis=1).max()) + s.radius for s in link.shapes)
+            tip = max(
+                float(np.linalg.norm(s.vertices, axis=1).max()) + s.radius for s in link.shapes
+            )
             best = max(best, chain + tip)
         reach[j] = best
     return reach
@@ -95,7 +97,9 @@ def _links_apart(robot) -> np.ndarray:
     shapes of them may overlap.
     """
     frames = [link.frame for link in robot.links]
-    pairs = [(i, k) for i, k in combinations(range(len(frames)), 2) if abs(frames[k] - frames[i]) >= 2]
+    pairs = [
+        (i, k) for i, k in combinations(range(len(frames)), 2) if abs(frames[k] - frames[i]) >= 2
+    ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
@@ -116,7 +120,9 @@ def pack_robot(name: str) -> PackedRobot:
         max_lead=robot.joint_array("max_lead"),
         stiffness=robot.joint_array("stiffness"),
         reach=_reach(robot),
-        shapes=pack_shapes([(shape, link.frame, i) for i, link in enumerate(robot.links) for shape in link.shapes]),
+        shapes=pack_shapes(
+            [(shape, link.frame, i) for i, link in enumerate(robot.links) for shape in link.shapes]
+        ),
         links=len(robot.links),
         apart=_links_apart(robot),
     )

@@ -1,4 +1,6 @@
-"""What a convex body in space is for bodies beside it in the plane: its shadow over a range of heights."""
+"""What a convex body in space is for bodies beside it in the plane: its shadow over a range of
+heights.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ TOLERANCE = 1e-3  # m, by which a simplified outline may exceed the hull
 GRAIN = 1e-6  # m, grid of the corners, so that the same bits come out of every version of the hull
 
 
-def cross_section(vertices: np.ndarray, low: float, high: float, tolerance: float = TOLERANCE) -> np.ndarray:
+def cross_section(
+    vertices: np.ndarray, low: float, high: float, tolerance: float = TOLERANCE
+) -> np.ndarray:
     """Convex outline of the part of a convex body between two heights, with few corners.
 
     Args:
@@ -35,7 +39,8 @@ def cross_section(vertices: np.ndarray, low: float, high: float, tolerance: floa
     corners = _simplify(hull, tolerance - 10 * GRAIN)
     centre = corners.mean(axis=0)
     outward = corners - centre
-    corners = corners + 5 * GRAIN * outward / np.linalg.norm(outward, axis=1, keepdims=True)  # room for rounding
+    # room for rounding
+    corners = corners + 5 * GRAIN * outward / np.linalg.norm(outward, axis=1, keepdims=True)
     corners = np.round(corners / GRAIN) * GRAIN + 0.0  # no negative zeros
     return np.roll(corners, -int(np.lexsort(corners.T[::-1])[0]), axis=0)
 
@@ -45,8 +50,12 @@ def _slab(vertices: np.ndarray, low: float, high: float) -> np.ndarray:
     hull = ConvexHull(vertices)
     z = vertices[:, 2]
     points = [vertices[hull.vertices][(z[hull.vertices] >= low) & (z[hull.vertices] <= high), :2]]
-    edges = np.unique(np.sort(np.concatenate([hull.simplices[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0)
-    start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]  # (E, 3)
+    edges = np.unique(
+        np.sort(np.concatenate([hull.simplices[:, [i, i - 1]] for i in range(3)]), axis=1), axis=0
+    )
+    # (E, 3)
+    start = vertices[edges[:, 0]]
+    end = vertices[edges[:, 1]]
     for height in (low, high):
         cut = (start[:, 2] - height) * (end[:, 2] - height) < 0
         share = (height - start[cut, 2]) / (end[cut, 2] - start[cut, 2])
@@ -74,9 +83,13 @@ def _simplify(hull: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _meetings(corners: np.ndarray) -> np.ndarray:
-    """Where the neighbours of each edge i, i + 1 meet beyond it, shape (k, 2); far away where they do not."""
+    """Where the neighbours of each edge i, i + 1 meet beyond it, shape (k, 2); far away where they
+    do not.
+    """
     before, a, b, after = (np.roll(corners, shift, axis=0) for shift in (1, 0, -1, -2))
-    u, v, gap = a - before, b - after, b - a
+    u = a - before
+    v = b - after
+    gap = b - a
     turn = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (gap[:, 0] * v[:, 1] - gap[:, 1] * v[:, 0]) / turn

@@ -32,7 +32,9 @@ class RoundedPolygon:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "radius", float(self.radius))
         if len(vertices) == 0 or not np.isfinite(vertices).all():
-            raise InvalidShapeError(f"a shape needs at least one finite vertex, got {vertices.tolist()}")
+            raise InvalidShapeError(
+                f"a shape needs at least one finite vertex, got {vertices.tolist()}"
+            )
         if not (np.isfinite(self.radius) and self.radius >= 0):
             raise InvalidShapeError(f"radius must be finite and at least 0, got {self.radius}")
         if len(vertices) < 3:
@@ -44,7 +46,8 @@ class RoundedPolygon:
         turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]  # (k,)
         if not (turns > 0).all():
             raise InvalidShapeError(
-                f"vertices must be convex and counter-clockwise, without collinear corners; got {vertices.tolist()}"
+                f"vertices must be convex and counter-clockwise, without collinear corners; got "
+                f"{vertices.tolist()}"
             )
 
     @property
@@ -57,9 +60,14 @@ class RoundedPolygon:
     def area(self) -> float:
         """Area of the shape, m^2."""
         x, y = self.vertices.T
-        step_x, step_y = np.roll(x, -1) - x, np.roll(y, -1) - y
+        step_x = np.roll(x, -1) - x
+        step_y = np.roll(y, -1) - y
         rim = float(np.hypot(step_x, step_y).sum())  # both sides of a capsule
-        return float(0.5 * (x * step_y - y * step_x).sum()) + self.radius * rim + np.pi * self.radius**2
+        return (
+            float(0.5 * (x * step_y - y * step_x).sum())
+            + self.radius * rim
+            + np.pi * self.radius**2
+        )
 
     @property
     def polar_moment(self) -> float:
@@ -98,7 +106,9 @@ class RoundedPolygon:
             start = outward[i - 1]
             sweep = (outward[i] - start) % (2 * np.pi)
             angles = start + np.linspace(0, sweep, arc_points if self.radius else 1)
-            corners.append(self.vertices[i] + self.radius * np.column_stack([np.cos(angles), np.sin(angles)]))
+            corners.append(
+                self.vertices[i] + self.radius * np.column_stack([np.cos(angles), np.sin(angles)])
+            )
         return np.concatenate(corners)
 
 
@@ -147,7 +157,8 @@ def box(width: float, height: float) -> RoundedPolygon:
     Raises:
         InvalidShapeError: as `RoundedPolygon` does.
     """
-    x, y = width / 2, height / 2
+    x = width / 2
+    y = height / 2
     return RoundedPolygon(np.array([(-x, -y), (x, -y), (x, y), (-x, y)]))
 
 

@@ -1,6 +1,8 @@
-"""Agents of Stable-Baselines3 on the native VectorEnvs: training, files, policies. Needs the extra `rl`.
+"""Agents of Stable-Baselines3 on the native VectorEnvs: training, files, policies. Needs the extra
+`rl`.
 
-Importing this package loads neither torch nor Stable-Baselines3; the first use of a name below does.
+Importing this package loads neither torch nor Stable-Baselines3; the first use of a name below
+does.
 """
 
 from importlib import import_module

@@ -27,14 +27,28 @@ FORMAT = "piec-agent-1"
 LEARNERS = ("stable-baselines3", "sb3-contrib", "torch")
 # What the nominal model has not: noise, and what only the interface of the training saw.
 NOT_NOMINAL = (
-    "start_noise", "disturbance", "disturbance_kind", "adversary", "randomize", "action_repeat", "goal_conditioned",
-    "threads", "max_episode_steps",
-)  # fmt: skip
+    "start_noise",
+    "disturbance",
+    "disturbance_kind",
+    "adversary",
+    "randomize",
+    "action_repeat",
+    "goal_conditioned",
+    "threads",
+    "max_episode_steps",
+)
 # Only learning needs these; schedules are functions, and buffers are large.
 UNNEEDED: dict[str, Any] = {
-    "learning_rate": 0.0, "lr_schedule": None, "clip_range": 0.0, "buffer_size": 1, "replay_buffer_class": None,
-    "replay_buffer_kwargs": {}, "_last_obs": None, "_last_original_obs": None, "ep_info_buffer": None,
-}  # fmt: skip
+    "learning_rate": 0.0,
+    "lr_schedule": None,
+    "clip_range": 0.0,
+    "buffer_size": 1,
+    "replay_buffer_class": None,
+    "replay_buffer_kwargs": {},
+    "_last_obs": None,
+    "_last_original_obs": None,
+    "ep_info_buffer": None,
+}
 _META = ("horizon", "spaces", "normalisation", "steps", "seconds", "evaluation", "versions")
 
 
@@ -89,12 +103,16 @@ class Agent:
 
     @property
     def task_kwargs(self) -> dict[str, Any]:
-        """Keyword arguments of its robot, its start, its task, goal included, and what is observed."""
+        """Keyword arguments of its robot, its start, its task, goal included, and what is
+        observed.
+        """
         return task_kwargs(self.spec.env_kwargs)
 
     @property
     def model_kwargs(self) -> dict[str, Any]:
-        """Keyword arguments of its task and its nominal model, of which nothing is drawn and nothing flees."""
+        """Keyword arguments of its task and its nominal model, of which nothing is drawn and
+        nothing flees.
+        """
         return model_kwargs(self.spec.env_kwargs)
 
     @property
@@ -107,7 +125,8 @@ class Agent:
         return AgentPolicy(self)
 
     def save(self, path: str | os.PathLike) -> Path:
-        """Write SB3's zip file, and beside it the JSON file that describes it, each under a temporary name first.
+        """Write SB3's zip file, and beside it the JSON file that describes it, each under a
+        temporary name first.
 
         Raises:
             AgentError: unless the name ends with .zip.
@@ -119,7 +138,12 @@ class Agent:
         with files.replacing(target) as file:
             self.model.save(file)
         about = {name: getattr(self, name) for name in _META}
-        about |= {"format": FORMAT, "spec": self.spec.as_json(), "sha256": file_hash(target), "source": self.source}
+        about |= {
+            "format": FORMAT,
+            "spec": self.spec.as_json(),
+            "sha256": file_hash(target),
+            "source": self.source,
+        }
         with files.replacing(target.with_suffix(".json")) as file:
             file.write((json.dumps(about, indent=1) + "\n").encode())
         return target
@@ -136,8 +160,11 @@ class Agent:
         try:
             about = json.loads(target.with_suffix(".json").read_text(encoding="utf-8"))
             if about["format"] != FORMAT:
-                raise AgentError(f"{target} has format {about['format']!r}, but {FORMAT!r} is needed")
-            spec, found = TrainSpec(**about["spec"]), file_hash(target)
+                raise AgentError(
+                    f"{target} has format {about['format']!r}, but {FORMAT!r} is needed"
+                )
+            spec = TrainSpec(**about["spec"])
+            found = file_hash(target)
             if found != about["sha256"]:
                 raise AgentError(
                     f"{target} is not the file that its description was written for, or is broken: "
@@ -145,11 +172,18 @@ class Agent:
                 )
             # Only now, since this unpickles.
             model = get_algorithm(spec.algo).load(target, device="cpu", custom_objects=UNNEEDED)
-            return cls(spec=spec, model=model, source=about.get("source"), **{name: about[name] for name in _META})
+            return cls(
+                spec=spec,
+                model=model,
+                source=about.get("source"),
+                **{name: about[name] for name in _META},
+            )
         except PiecError:
             raise
         except (*files.BROKEN_FILE, AttributeError, AssertionError) as error:
-            raise AgentError(files.why_unreadable(target, "agent with its description (.json)", error)) from error
+            raise AgentError(
+                files.why_unreadable(target, "agent with its description (.json)", error)
+            ) from error
 
     def check_env(self, env_id: str) -> None:
         """Refuse the id of an environment that this agent was not trained on.
@@ -179,8 +213,8 @@ class Agent:
 class AgentPolicy:
     """Executes an agent closed loop, one control step at a time.
 
-    An agent that was trained with `action_repeat` decides on every k-th step alone, and its action is held
-    between; `state` is the action held.
+    An agent that was trained with `action_repeat` decides on every k-th step alone, and its action
+    is held between; `state` is the action held.
 
     Args:
         agent: the agent.
@@ -191,12 +225,19 @@ class AgentPolicy:
 
     def __init__(self, agent: Agent):
         if not isinstance(agent, Agent):
-            raise AgentError(f"AgentPolicy executes an Agent, of a training or of Agent.load(file), got {agent!r}")
+            raise AgentError(
+                f"AgentPolicy executes an Agent, of a training or of Agent.load(file), got "
+                f"{agent!r}"
+            )
         self.agent = agent
         self._reader = ObservationReader(agent.env_id, agent.spec.env_kwargs, agent.horizon)
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
         """Actions for one observation or a batch, with Stable-Baselines3's signature.
 
@@ -230,19 +271,22 @@ class AgentPolicy:
 
     def _check_kind(self, observation: Any) -> None:
         """A goal-conditioned agent sees dicts, and no other does."""
-        wanted, given = "" not in self.agent.spaces["observation"], isinstance(observation, Mapping)
+        wanted = "" not in self.agent.spaces["observation"]
+        given = isinstance(observation, Mapping)
         if wanted != given:
             kinds = {True: "a dict with goals", False: "an array"}
-            raise InvalidObservationError(f"this agent observes {kinds[wanted]}, got {kinds[given]}")
+            raise InvalidObservationError(
+                f"this agent observes {kinds[wanted]}, got {kinds[given]}"
+            )
 
 
 def open_loop(agent: Agent) -> OpenLoopPolicy:
     """The agent's nominal episode, executed blindly: the same for every row and seed.
 
-    The agent acts once on the nominal model, from the task's own start and without noise. The joint path that
-    this episode realises becomes a plan, exactly as the path that CMA-ES finds does, and is executed by the
-    same policy: open loop in the object, absolute in the joints. What is left to compare is which motion was
-    found, and not who could see.
+    The agent acts once on the nominal model, from the task's own start and without noise. The joint
+    path that this episode realises becomes a plan, exactly as the path that CMA-ES finds does, and
+    is executed by the same policy: open loop in the object, absolute in the joints. What is left to
+    compare is which motion was found, and not who could see.
 
     Args:
         agent: the agent.
@@ -259,14 +303,24 @@ def open_loop(agent: Agent) -> OpenLoopPolicy:
     env: Any = gym.make(agent.env_id, disable_env_checker=True, **nominal, **seen).unwrapped
     agent.check_fits(agent.env_id, env.observation_space, env.action_space)
     observation, _ = env.reset(seed=0)
-    start, policy, held, commands = env.get_state(), AgentPolicy(agent), None, []
+    start = env.get_state()
+    policy = AgentPolicy(agent)
+    held = None
+    commands = []
     for _ in range(agent.horizon):
         action, held = policy.predict(observation, state=held)
         observation, *_ = env.step(action)
         commands.append(env.get_state().q_cmd[0])
     path = np.array(commands)
     plan = realised_plan(
-        env.model, start, path, env_id=agent.env_id, env_kwargs=nominal, via_points=path[-1:],
-        objective=agent.spec.algo, preset=env.config.preset, seed=agent.spec.seed,
-    )  # fmt: skip
+        env.model,
+        start,
+        path,
+        env_id=agent.env_id,
+        env_kwargs=nominal,
+        via_points=path[-1:],
+        objective=agent.spec.algo,
+        preset=env.config.preset,
+        seed=agent.spec.seed,
+    )
     return OpenLoopPolicy(plan)

@@ -13,7 +13,10 @@ from planners.sb3.agent import file_hash
 from planners.sb3.spec import TrainSpec
 
 FORMAT = "piec-agent-checkpoint-1"
-MODEL, BUFFER, STATE, SPEC = "model.zip", "replay_buffer.pkl", "state.json", "spec.json"
+MODEL = "model.zip"
+BUFFER = "replay_buffer.pkl"
+STATE = "state.json"
+SPEC = "spec.json"
 
 
 def check_folder(folder: Path, spec: TrainSpec) -> None:
@@ -68,7 +71,9 @@ def write_checkpoint(folder: Path, model: Any, state: dict[str, Any]) -> None:
         if getattr(model, "replay_buffer", None) is not None:
             model.save_replay_buffer(temporary / BUFFER)
         hashes = {path.name: file_hash(path) for path in sorted(temporary.iterdir())}
-        (temporary / STATE).write_text(json.dumps({"format": FORMAT, **state, "sha256": hashes}), encoding="utf-8")
+        (temporary / STATE).write_text(
+            json.dumps({"format": FORMAT, **state, "sha256": hashes}), encoding="utf-8"
+        )
         os.rename(temporary, target)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -96,7 +101,9 @@ def read_checkpoint(folder: Path) -> tuple[Path, dict[str, Any]] | None:
     except AgentError:
         raise
     except files.BROKEN_FILE as error:
-        raise AgentError(f"{path} is no checkpoint, or is broken: {error}; move it away to start anew") from error
+        raise AgentError(
+            f"{path} is no checkpoint, or is broken: {error}; move it away to start anew"
+        ) from error
     return path, state
 
 

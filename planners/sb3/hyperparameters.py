@@ -1,4 +1,6 @@
-"""Hyper-parameters in the format of RL Zoo: the files that ship, and what the algorithms make of them."""
+"""Hyper-parameters in the format of RL Zoo: the files that ship, and what the algorithms make of
+them.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,16 @@ from planners.sb3.algorithms import check_installed, get_algorithm
 from planners.sb3.spec import TrainSpec
 
 NAMESPACE = "piec_envs/"
-SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf", "delta_std")  # "lin_3e-4" falls to 0 at the end
+# "lin_3e-4" falls to 0 at the end
+SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf", "delta_std")
 NORMALISED = ("observation",)  # of the parts of a goal-conditioned observation
-OWN = ("env", "seed", "verbose", "tensorboard_log", "stats_window_size", "_init_setup_model")  # decided by `train`
+# decided by `train`
+OWN = ("env", "seed", "verbose", "tensorboard_log", "stats_window_size", "_init_setup_model")
 
 
 class LinearSchedule:
-    """A value that falls to 0 in proportion to what remains of the training; SB3 has had its own since 2.7 only.
+    """A value that falls to 0 in proportion to what remains of the training; SB3 has had its own
+    since 2.7 only.
 
     Args:
         initial: the value at the start.
@@ -37,7 +42,9 @@ class LinearSchedule:
 def _files() -> dict[tuple[str, str], Any]:
     """(id, algorithm) to the file that ships for them, named `<id>.<algorithm>.yml`."""
     folder = resources.files("planners.sb3") / "hyperparameters"
-    names = [file.name.removesuffix(".yml") for file in folder.iterdir() if file.name.endswith(".yml")]
+    names = [
+        file.name.removesuffix(".yml") for file in folder.iterdir() if file.name.endswith(".yml")
+    ]
     pairs = [(NAMESPACE + name.rpartition(".")[0], name.rpartition(".")[2], name) for name in names]
     return {(env_id, algo): folder / f"{name}.yml" for env_id, algo, name in sorted(pairs)}
 
@@ -121,7 +128,9 @@ def model_arguments(spec: TrainSpec) -> dict[str, Any]:
     # A copy, since SB3 writes into `policy_kwargs`, and a spec that changes is another training.
     arguments = {"policy": "MlpPolicy", "device": "cpu", **copy.deepcopy(dict(spec.hyper))}
     arguments.pop("normalize", None)
-    known = [name for name in inspect.signature(get_algorithm(spec.algo)).parameters if name not in OWN]
+    known = [
+        name for name in inspect.signature(get_algorithm(spec.algo)).parameters if name not in OWN
+    ]
     for name, value in arguments.items():
         check_name("hyper-parameter", name, [*known, "normalize"])
         if name in SCHEDULED and isinstance(value, str):
@@ -136,10 +145,12 @@ def model_arguments(spec: TrainSpec) -> dict[str, Any]:
 
 
 def normalisation_arguments(spec: TrainSpec) -> dict[str, Any] | None:
-    """Arguments of SB3's `VecNormalize`, with the discount of the algorithm; None to normalise nothing.
+    """Arguments of SB3's `VecNormalize`, with the discount of the algorithm; None to normalise
+    nothing.
 
-    Of a goal-conditioned observation the part "observation" alone is normalised: the goal is the same in all
-    episodes, so that the goals that hindsight puts in its place would all be cut to one bound or the other.
+    Of a goal-conditioned observation the part "observation" alone is normalised: the goal is the
+    same in all episodes, so that the goals that hindsight puts in its place would all be cut to one
+    bound or the other.
 
     Raises:
         InvalidParameterError: for a value that is none of these, or names the goals.
@@ -150,13 +161,19 @@ def normalisation_arguments(spec: TrainSpec) -> dict[str, Any] | None:
     if chosen is False or chosen is None:
         return None
     if chosen is not True and not isinstance(chosen, Mapping):
-        raise InvalidParameterError(f"normalize is true, false or such as dict(norm_obs=False), got {chosen!r}")
-    given: dict[str, Any] = {"gamma": spec.hyper.get("gamma", 0.99), **({} if chosen is True else chosen)}
+        raise InvalidParameterError(
+            f"normalize is true, false or such as dict(norm_obs=False), got {chosen!r}"
+        )
+    given: dict[str, Any] = {
+        "gamma": spec.hyper.get("gamma", 0.99),
+        **({} if chosen is True else chosen),
+    }
     if spec.env_kwargs.get("goal_conditioned") and given.get("norm_obs", True):
         keys = given.setdefault("norm_obs_keys", list(NORMALISED))
         if not isinstance(keys, list) or set(keys) - set(NORMALISED):
             raise InvalidParameterError(
-                f"norm_obs_keys may be {list(NORMALISED)} alone, since goals would be cut to two values; got {keys!r}"
+                f"norm_obs_keys may be {list(NORMALISED)} alone, since goals would be cut to two "
+                f"values; got {keys!r}"
             )
     return given
 
@@ -180,7 +197,8 @@ def _replay_buffer(name: Any) -> Any:
 
 
 def parse(name: str, text: str) -> Any:
-    """The value of text such as "dict(net_arch=[64, 64], activation_fn=nn.Tanh)", which RL Zoo would run as code.
+    """The value of text such as "dict(net_arch=[64, 64], activation_fn=nn.Tanh)", which RL Zoo
+    would run as code.
 
     Args:
         name: of the hyper-parameter, for the message.
@@ -201,7 +219,12 @@ def parse(name: str, text: str) -> Any:
 
 
 def _value(node: ast.expr) -> Any:
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "dict" and not node.args:
+    if (
+        isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "dict"
+        and not node.args
+    ):
         if any(item.arg is None for item in node.keywords):
             raise ValueError("** in dict(...)")
         return {item.arg: _value(item.value) for item in node.keywords}
@@ -210,7 +233,11 @@ def _value(node: ast.expr) -> Any:
     if isinstance(node, ast.Dict):
         names = [ast.literal_eval(name) if name is not None else None for name in node.keys]
         return dict(zip(names, map(_value, node.values), strict=True))
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "nn":
+    if (
+        isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "nn"
+    ):
         from torch import nn
 
         found = getattr(nn, node.attr)

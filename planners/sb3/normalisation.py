@@ -79,4 +79,6 @@ def _as_json(rms: RunningMeanStd) -> dict[str, Any]:
 
 
 def _restore(rms: RunningMeanStd, stored: Mapping[str, Any]) -> None:
-    rms.mean, rms.var, rms.count = np.array(stored["mean"]), np.array(stored["variance"]), stored["count"]
+    rms.mean = np.array(stored["mean"])
+    rms.var = np.array(stored["variance"])
+    rms.count = stored["count"]

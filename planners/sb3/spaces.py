@@ -11,10 +11,15 @@ from piec_envs import AgentError
 
 
 def described(space: Any) -> dict[str, dict[str, list[float]]]:
-    """The bounds of a `Box`, or of each part of a `Dict`, in single precision; "" names that of a `Box`."""
+    """The bounds of a `Box`, or of each part of a `Dict`, in single precision; "" names that of a
+    `Box`.
+    """
     parts = dict(space.spaces) if isinstance(space, spaces.Dict) else {"": space}
     return {
-        name: {bound: np.asarray(getattr(box, bound), dtype=np.float32).tolist() for bound in ("low", "high")}
+        name: {
+            bound: np.asarray(getattr(box, bound), dtype=np.float32).tolist()
+            for bound in ("low", "high")
+        }
         for name, box in sorted(parts.items())
     }
 

@@ -10,7 +10,8 @@ from typing import Any
 from piec_envs import InvalidParameterError, as_count, check_motion, check_name
 from planners.sb3.algorithms import ALGORITHMS
 
-EVALUATION_SEED = 2**31  # of the first row of an evaluation; trainings have smaller ones, so no start is trained on
+# of the first row of an evaluation; trainings have smaller ones, so no start is trained on
+EVALUATION_SEED = 2**31
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class TrainSpec:
     Args:
         env_id: id of an environment of motion.
         algo: row of the table of algorithms.
-        timesteps: steps of the environment in all, an action being one; the last rollout may go beyond.
+        timesteps: steps of the environment in all, an action being one; the last rollout may go
+            beyond.
         seed: of all randomness; row i has seed + i.
         n_envs: rows of the environment.
         env_kwargs: its keyword arguments.
@@ -49,7 +51,9 @@ class TrainSpec:
         for name in ("timesteps", "n_envs", "evaluations", "eval_episodes"):
             as_count(name, getattr(self, name))
         if as_count("seed", self.seed, least=0) + self.n_envs > EVALUATION_SEED:
-            raise InvalidParameterError(f"seed must leave {self.n_envs} seeds below {EVALUATION_SEED}, got {self.seed}")
+            raise InvalidParameterError(
+                f"seed must leave {self.n_envs} seeds below {EVALUATION_SEED}, got {self.seed}"
+            )
         for name in ("env_kwargs", "hyper"):
             try:
                 plain = json.loads(json.dumps(dict(getattr(self, name)), allow_nan=False))
@@ -67,4 +71,6 @@ class TrainSpec:
         """The fields in which another spec, as JSON, departs from this one, with both values."""
         mine = self.as_json()
         names = [name for name in {**mine, **other} if mine.get(name) != other.get(name)]
-        return "; ".join(f"{name}: {other.get(name)!r} there, {mine.get(name)!r} here" for name in names)
+        return "; ".join(
+            f"{name}: {other.get(name)!r} there, {mine.get(name)!r} here" for name in names
+        )

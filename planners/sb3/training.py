@@ -27,22 +27,26 @@ from planners.sb3.checkpoint import (
     clear_checkpoints,
     read_checkpoint,
     write_checkpoint,
-)  # fmt: skip
+)
 from planners.sb3.hyperparameters import model_arguments, normalisation_arguments
 from planners.sb3.normalisation import normalise, restore_statistics, statistics_of
 from planners.sb3.spaces import check_spaces, described
 from planners.sb3.spec import EVALUATION_SEED, TrainSpec
 from planners.sb3.vec_env import NativeVecEnv
 
-AGENT, BEST, CURVE, LOGS = "agent.zip", "best_model.zip", "evaluations.jsonl", "tensorboard"
+AGENT = "agent.zip"
+BEST = "best_model.zip"
+CURVE = "evaluations.jsonl"
+LOGS = "tensorboard"
 
 
 def train(spec: TrainSpec, folder: str | os.PathLike, progress: bool = True) -> Agent:
-    """Train an agent; a run that was killed goes on from its last checkpoint, with new episodes in all rows.
+    """Train an agent; a run that was killed goes on from its last checkpoint, with new episodes in
+    all rows.
 
-    The folder gets `agent.zip` and `best_model.zip` (the best by success rate, then by return, of those
-    evaluated on the way), each with a description beside it, the curve `evaluations.jsonl`, and logs for
-    TensorBoard. A training that has ended is not run again.
+    The folder gets `agent.zip` and `best_model.zip` (the best by success rate, then by return, of
+    those evaluated on the way), each with a description beside it, the curve `evaluations.jsonl`,
+    and logs for TensorBoard. A training that has ended is not run again.
 
     Args:
         spec: what to train, and how.
@@ -65,13 +69,16 @@ def train(spec: TrainSpec, folder: str | os.PathLike, progress: bool = True) -> 
         return Agent.load(folder / AGENT)
     folder.mkdir(parents=True, exist_ok=True)  # fails now, not at the end
     training = Training(spec, folder, model_arguments(spec))
-    claim_folder(folder, spec)  # only now, so that a misspelt setting can be corrected in the same folder
+    # only now, so that a misspelt setting can be corrected in the same folder
+    claim_folder(folder, spec)
     return training.run(progress)
 
 
 def read_curve(folder: str | os.PathLike) -> list[dict[str, Any]]:
     """The evaluations of a training so far: steps, seconds, and what `score` gives."""
-    return [json.loads(line) for line in (Path(folder) / CURVE).read_text(encoding="utf-8").splitlines()]
+    return [
+        json.loads(line) for line in (Path(folder) / CURVE).read_text(encoding="utf-8").splitlines()
+    ]
 
 
 def score(model: Any, venv: NativeVecEnv) -> dict[str, float]:
@@ -87,7 +94,8 @@ def score(model: Any, venv: NativeVecEnv) -> dict[str, float]:
     statistics = statistics_of(model.get_vec_normalize_env())
     venv.seed(EVALUATION_SEED)
     observation = venv.reset()
-    returns, running = np.zeros(venv.num_envs), np.ones(venv.num_envs, dtype=bool)
+    returns = np.zeros(venv.num_envs)
+    running = np.ones(venv.num_envs, dtype=bool)
     finals: list[dict[str, Any]] = [{} for _ in range(venv.num_envs)]
     while running.any():
         action, _ = model.predict(normalise(observation, statistics), deterministic=True)
@@ -116,12 +124,18 @@ class Training:
     """
 
     def __init__(self, spec: TrainSpec, folder: Path, arguments: dict[str, Any]):
-        self.spec, self.folder = spec, folder
-        self.history, self.seconds, self._clock = list[dict[str, Any]](), 0.0, 0.0
+        self.spec = spec
+        self.folder = folder
+        self.history = list[dict[str, Any]]()
+        self.seconds = 0.0
+        self._clock = 0.0
         self.every = -(-spec.timesteps // spec.evaluations)
         native = NativeVecEnv(spec.env_id, spec.n_envs, **spec.env_kwargs)
         self.horizon = native.native.model.task.horizon
-        self.spaces = {"observation": described(native.observation_space), "action": described(native.action_space)}
+        self.spaces = {
+            "observation": described(native.observation_space),
+            "action": described(native.action_space),
+        }
         self.test_env = NativeVecEnv(spec.env_id, spec.eval_episodes, **spec.env_kwargs)
         self.venv: Any = VecMonitor(native)
         normalisation = normalisation_arguments(spec)
@@ -143,11 +157,17 @@ class Training:
         self._clock = time.perf_counter()
         left = self.spec.timesteps - self.model.num_timesteps
         with tqdm(
-            total=self.spec.timesteps, initial=self.model.num_timesteps, disable=console.no_bar(progress), unit="step",
-            unit_scale=True, delay=0.5, desc=f"{self.spec.algo} on {self.spec.env_id}",
-        ) as bar:  # fmt: skip
+            total=self.spec.timesteps,
+            initial=self.model.num_timesteps,
+            disable=console.no_bar(progress),
+            unit="step",
+            unit_scale=True,
+            delay=0.5,
+            desc=f"{self.spec.algo} on {self.spec.env_id}",
+        ) as bar:
             if left > 0:
-                # Without a reset of the count, SB3 takes what is left, and schedules go by the whole.
+                # Without a reset of the count, SB3 takes what is left, and schedules go by the
+                # whole.
                 self.model.learn(left, callback=_Watch(self, bar), reset_num_timesteps=False)
         if not self.history or self.history[-1]["steps"] < self.model.num_timesteps:
             self.keep()
@@ -158,10 +178,13 @@ class Training:
         return agent
 
     def keep(self) -> None:
-        """Evaluate the agent and write a checkpoint, the curve, and the agent itself if it is the best so far."""
+        """Evaluate the agent and write a checkpoint, the curve, and the agent itself if it is the
+        best so far.
+        """
         found = score(self.model, self.test_env)
         now = time.perf_counter()
-        self.seconds, self._clock = self.seconds + now - self._clock, now
+        self.seconds = self.seconds + now - self._clock
+        self._clock = now
         steps = self.model.num_timesteps
         self.history.append({"steps": steps, "seconds": round(self.seconds, 3), **found})
         for name, value in found.items():
@@ -202,7 +225,8 @@ class Training:
 
     def _fresh(self, arguments: dict[str, Any]) -> Any:
         if len(self.spaces["observation"]) > 1 and arguments["policy"] == "MlpPolicy":
-            arguments = {**arguments, "policy": "MultiInputPolicy"}  # the same network, for dict observations
+            # the same network, for dict observations
+            arguments = {**arguments, "policy": "MultiInputPolicy"}
         with _refusing(f"the hyper-parameters of {self.spec.algo}"):
             return get_algorithm(self.spec.algo)(env=self.venv, seed=self.spec.seed, **arguments)
 
@@ -218,19 +242,30 @@ class Training:
             model.load_replay_buffer(path / BUFFER)
         restore_statistics(model.get_vec_normalize_env(), state["normalisation"])
         # The seed of the start would draw the same episodes again.
-        model.set_random_seed(int(np.random.SeedSequence([self.spec.seed, state["steps"]]).generate_state(1)[0] >> 1))
-        self.history, self.seconds, self.model = state["history"], state["seconds"], model
+        model.set_random_seed(
+            int(np.random.SeedSequence([self.spec.seed, state["steps"]]).generate_state(1)[0] >> 1)
+        )
+        self.history = state["history"]
+        self.seconds = state["seconds"]
+        self.model = model
         self._publish()
         return model
 
     def _check(self, path: Path, state: dict[str, Any]) -> None:
         """Refuse a checkpoint of another training, environment or space."""
         if state["env_id"] != self.spec.env_id:
-            raise AgentError(f"{path} was trained on {state['env_id']!r}, not on {self.spec.env_id!r}")
-        for kind, space in (("observation", self.venv.observation_space), ("action", self.venv.action_space)):
+            raise AgentError(
+                f"{path} was trained on {state['env_id']!r}, not on {self.spec.env_id!r}"
+            )
+        for kind, space in (
+            ("observation", self.venv.observation_space),
+            ("action", self.venv.action_space),
+        ):
             check_spaces(str(path), state["spaces"][kind], space, kind)
         if state["spec"] != self.spec.as_json():
-            raise AgentError(f"{path} belongs to another training ({self.spec.difference(state['spec'])})")
+            raise AgentError(
+                f"{path} belongs to another training ({self.spec.difference(state['spec'])})"
+            )
 
 
 @contextmanager
@@ -252,7 +287,8 @@ class _Watch(BaseCallback):
 
     def __init__(self, training: Training, bar: tqdm):
         super().__init__()
-        self._training, self._bar = training, bar
+        self._training = training
+        self._bar = bar
 
     def _on_rollout_start(self) -> None:
         if self.model.num_timesteps >= self._training.next_mark:

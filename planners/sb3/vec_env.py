@@ -18,11 +18,13 @@ ROWLESS = ("compute_reward",)  # methods that read and change no row
 
 
 class NativeVecEnv(VecEnv):
-    """All rows of one environment in one batch and one process; equal, step for step, to a `DummyVecEnv`.
+    """All rows of one environment in one batch and one process; equal, step for step, to a
+    `DummyVecEnv`.
 
-    Observations and the action space are float32, as SB3's networks. Rows that do not end in a step have
-    an empty info there, since filling a dict for each row takes longer than the step; rows that end have
-    the final info of their episode with `terminal_observation` and `TimeLimit.truncated`.
+    Observations and the action space are float32, as SB3's networks. Rows that do not end in a step
+    have an empty info there, since filling a dict for each row takes longer than the step; rows
+    that end have the final info of their episode with `terminal_observation` and
+    `TimeLimit.truncated`.
 
     Args:
         env_id: id of the environment.
@@ -38,7 +40,9 @@ class NativeVecEnv(VecEnv):
         check_name("environment", env_id, ENVS)
         for name in FIXED:
             if name in env_kwargs:
-                raise InvalidParameterError(f"{name!r} is decided by NativeVecEnv, got {env_kwargs[name]!r}")
+                raise InvalidParameterError(
+                    f"{name!r} is decided by NativeVecEnv, got {env_kwargs[name]!r}"
+                )
         self.native: Any = gym.make_vec(
             env_id,
             num_envs=as_count("num_envs", num_envs),
@@ -51,14 +55,18 @@ class NativeVecEnv(VecEnv):
         super().__init__(
             num_envs,
             self.native.single_observation_space,
-            spaces.Box(action.low.astype(np.float32), action.high.astype(np.float32), dtype=np.float32),
+            spaces.Box(
+                action.low.astype(np.float32), action.high.astype(np.float32), dtype=np.float32
+            ),
         )
         self._actions = np.zeros((num_envs, *action.shape))
 
     def reset(self) -> Any:
         """Begin new episodes in all rows, with the seeds and options given since the last reset."""
         if any(options != self._options[0] for options in self._options):
-            raise InvalidParameterError("the rows of a native VectorEnv share their options: give one dict for all")
+            raise InvalidParameterError(
+                "the rows of a native VectorEnv share their options: give one dict for all"
+            )
         observation, _ = self.native.reset(seed=self._seeds, options=self._options[0] or None)
         self._reset_seeds()
         self._reset_options()
@@ -74,7 +82,11 @@ class NativeVecEnv(VecEnv):
         ended = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         # Names with a leading "_" are Gymnasium's masks.
-        final = {name: values for name, values in info.get("final_info", {}).items() if not name.startswith("_")}
+        final = {
+            name: values
+            for name, values in info.get("final_info", {}).items()
+            if not name.startswith("_")
+        }
         for row in np.flatnonzero(ended).tolist():
             infos[row] = {
                 **row_info(final, row),
@@ -100,7 +112,9 @@ class NativeVecEnv(VecEnv):
         value = getattr(self.native, attr_name)
         return [value for _ in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
+    def set_attr(
+        self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None
+    ) -> None:
         """Set an attribute of the batch.
 
         Args:
@@ -115,7 +129,11 @@ class NativeVecEnv(VecEnv):
         setattr(self.native, attr_name, value)
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
+        self,
+        method_name: str,
+        *method_args: Any,
+        indices: int | Iterable[int] | None = None,
+        **method_kwargs: Any,
     ) -> list[Any]:
         """Call a method of the batch once.
 
@@ -136,7 +154,9 @@ class NativeVecEnv(VecEnv):
         result = getattr(self.native, method_name)(*method_args, **method_kwargs)
         return [result for _ in rows]
 
-    def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
+    def env_is_wrapped(
+        self, wrapper_class: type, indices: int | Iterable[int] | None = None
+    ) -> list[bool]:
         """No row is wrapped: there are no single environments.
 
         Args:
@@ -150,10 +170,15 @@ class NativeVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """One frame for each row; None without a render mode."""
-        return [None] * self.num_envs if self.native.render_mode is None else list(self.native.render())
+        return (
+            [None] * self.num_envs
+            if self.native.render_mode is None
+            else list(self.native.render())
+        )
 
     def _check_whole(self, name: str, rows: list[int]) -> None:
         if sorted(rows) != list(range(self.num_envs)):
             raise InvalidParameterError(
-                f"the rows of a native VectorEnv share {name!r}: give no indices, or all {self.num_envs}, not {rows}"
+                f"the rows of a native VectorEnv share {name!r}: give no indices, or all "
+                f"{self.num_envs}, not {rows}"
             )

@@ -11,7 +11,10 @@ import piec_envs  # noqa: F401  registers the environments
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 REPEATED = [
-    (PUSH, {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}),
+    (
+        PUSH,
+        {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"},
+    ),
     (PUSH, {"goal_conditioned": True, "escape_every": 3}),
     (PUSH, {"dynamics": "mujoco", "escape_field": None, "disturbance": 0.005}),
     ("piec_envs/MobileFrankaTrack-v0", {"geometry": "capsules", "escape_field": None}),
@@ -31,7 +34,9 @@ def test_a_repeated_action_is_that_many_steps(env_id, choice):
         assert data_equivalence(observation, steps[-1][0], exact=True)
         assert data_equivalence(info, steps[-1][4], exact=True)
         rewards = [step[1] for step in steps]
-        assert reward == pytest.approx(rewards[-1] if choice.get("goal_conditioned") else sum(rewards), rel=1e-12)
+        assert reward == pytest.approx(
+            rewards[-1] if choice.get("goal_conditioned") else sum(rewards), rel=1e-12
+        )
 
 
 def test_repeated_actions_end_at_the_horizon():

@@ -27,7 +27,11 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"dynamics": "real"}, UnknownNameError, "mujoco, quasi_dynamic"),
         ({"dynamics": "mujoco", "friction": -0.1}, InvalidParameterError, "friction"),
         ({"dynamics": "mujoco", "object": "cube"}, UnknownNameError, "square"),
-        ({"randomize": {"dynamics": ["mujoco", "real"]}}, UnknownNameError, "mujoco, quasi_dynamic"),
+        (
+            {"randomize": {"dynamics": ["mujoco", "real"]}},
+            UnknownNameError,
+            "mujoco, quasi_dynamic",
+        ),
         ({"solver": "slow"}, UnknownNameError, "fast, osqp"),
         ({"escape_field": "gird"}, UnknownNameError, "grid"),
         ({"prior": "love"}, UnknownNameError, "caging, contact, proximity"),
@@ -41,7 +45,11 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"render_mode": "ansi"}, UnknownNameError, "rgb_array"),
         ({"colour": "red"}, UnknownNameError, "object"),
         ({"goal": (1.2, 1.2)}, InvalidParameterError, "within 1.4 m"),
-        ({"goal": (0.0, 0.05)}, InvalidParameterError, r"at least 0.075 m from it.*got \(0\.0, 0\.05\)"),
+        (
+            {"goal": (0.0, 0.05)},
+            InvalidParameterError,
+            r"at least 0.075 m from it.*got \(0\.0, 0\.05\)",
+        ),
         ({"goal": (np.nan, 0.0)}, InvalidParameterError, "within 1.4 m"),
         ({"goal": (0.1, 0.2, 0.3)}, InvalidParameterError, "goal"),
         ({"friction": -0.1}, InvalidParameterError, "friction"),
@@ -52,20 +60,44 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"action_repeat": 0}, InvalidParameterError, "action_repeat"),
         ({"start_noise": (0.01,)}, InvalidParameterError, "start_noise"),
         ({"start_noise": (-0.01, 0.0)}, InvalidParameterError, "start_noise"),
-        ({"dynamics": "mujoco", "mass": 0.0}, InvalidParameterError, "mass must be from 0.01 to 100, got 0.0"),
+        (
+            {"dynamics": "mujoco", "mass": 0.0},
+            InvalidParameterError,
+            "mass must be from 0.01 to 100, got 0.0",
+        ),
         ({"mass": -1.0}, InvalidParameterError, "mass"),
         ({"mass": np.inf}, InvalidParameterError, "mass"),
-        ({"dynamics": "mujoco", "delay": 0.11}, InvalidParameterError, "delay must be from 0 to 0.1 s, got 0.11"),
+        (
+            {"dynamics": "mujoco", "delay": 0.11},
+            InvalidParameterError,
+            "delay must be from 0 to 0.1 s, got 0.11",
+        ),
         ({"dynamics": "mujoco", "delay": -0.01}, InvalidParameterError, "delay"),
-        ({"delay": 0.02}, InvalidParameterError, "delay must be 0 under dynamics='quasi_dynamic'.*mujoco"),
+        (
+            {"delay": 0.02},
+            InvalidParameterError,
+            "delay must be 0 under dynamics='quasi_dynamic'.*mujoco",
+        ),
         ({"randomize": {"delay": [0.0, 0.02]}}, InvalidParameterError, "delay must be 0 .*mujoco"),
         (
-            {"delay": 0.02, "dynamics": "mujoco", "randomize": {"dynamics": ["mujoco", "quasi_dynamic"]}},
+            {
+                "delay": 0.02,
+                "dynamics": "mujoco",
+                "randomize": {"dynamics": ["mujoco", "quasi_dynamic"]},
+            },
             InvalidParameterError,
             "delay must be 0 .*mujoco",
         ),
-        ({"object": "a4_box_roll_1"}, InvalidParameterError, "'a4_box_roll_1' has loose bodies.*mujoco"),
-        ({"randomize": {"object": ["a4_box", "a4_box_roll_1"]}}, InvalidParameterError, "loose bodies.*mujoco"),
+        (
+            {"object": "a4_box_roll_1"},
+            InvalidParameterError,
+            "'a4_box_roll_1' has loose bodies.*mujoco",
+        ),
+        (
+            {"randomize": {"object": ["a4_box", "a4_box_roll_1"]}},
+            InvalidParameterError,
+            "loose bodies.*mujoco",
+        ),
         ({"escape_every": 0}, InvalidParameterError, "escape_every"),
         ({"escape_field": None, "prior": "caging"}, InvalidParameterError, "escape field"),
         ({"escape_field": None, "adversary": 1.0}, InvalidParameterError, "escape field"),
@@ -93,9 +125,17 @@ PUSH = "piec_envs/PlanarArmPush-v0"
         ({"object": ["circle"]}, UnknownNameError, "circle"),
         ({"escape_field": {"name": "grid", "resolution": -3}}, PiecError, "resolution"),
         ({"escape_field": {"name": "grid", "size": 3}}, PiecError, "size"),
-        ({"escape_field": {"name": "network", "weights": "nonsense"}}, WeightsError, "nonsense.*piec train-field"),
+        (
+            {"escape_field": {"name": "network", "weights": "nonsense"}},
+            WeightsError,
+            "nonsense.*piec train-field",
+        ),
         ({"escape_field": {"name": "network", "weights": 3}}, InvalidParameterError, "network"),
-        ({"escape_field": {"name": "network", "speed": {"leak": 0.1}}}, InvalidParameterError, "speed"),
+        (
+            {"escape_field": {"name": "network", "speed": {"leak": 0.1}}},
+            InvalidParameterError,
+            "speed",
+        ),
     ],
     ids=str,
 )
@@ -106,7 +146,9 @@ def test_bad_keyword_arguments(choice, error, message):
 
 
 @pytest.mark.parametrize(
-    "action", [np.full(4, np.nan), np.array([0, np.inf, 0, 0]), np.zeros(3), np.zeros((1, 4)), np.zeros(0)], ids=str
+    "action",
+    [np.full(4, np.nan), np.array([0, np.inf, 0, 0]), np.zeros(3), np.zeros((1, 4)), np.zeros(0)],
+    ids=str,
 )
 def test_bad_actions(action):
     env = gym.make(PUSH, escape_field=None, disable_env_checker=True).unwrapped
@@ -172,7 +214,11 @@ def test_a_refused_state_leaves_the_env_as_it_was():
     env.reset(seed=0)
     env.step(np.ones(4))
     good = env.get_state()
-    for change in ({"pose": np.full((1, 3), np.nan)}, {"q_r": np.zeros((1, 3))}, {"step": np.array([-5])}):
+    for change in (
+        {"pose": np.full((1, 3), np.nan)},
+        {"q_r": np.zeros((1, 3))},
+        {"step": np.array([-5])},
+    ):
         with pytest.raises(InvalidStateError):
             env.set_state(dataclasses.replace(good, **change))
     fleeing = dataclasses.replace(good, params=[good.params[0].replace({"adversary": 1.0})])
@@ -204,7 +250,11 @@ def test_bad_vector_arguments():
     with pytest.raises(InvalidParameterError, match="num_envs"):
         gym.make_vec(PUSH, num_envs=0)
     envs = gym.make_vec(PUSH, num_envs=2, escape_field=None)
-    for choice in ({"max_episode_steps": 0}, {"max_episode_steps": -2}, {"autoreset_mode": "Never"}):
+    for choice in (
+        {"max_episode_steps": 0},
+        {"max_episode_steps": -2},
+        {"autoreset_mode": "Never"},
+    ):
         with pytest.raises((InvalidParameterError, UnknownNameError), match=next(iter(choice))):
             gym.make_vec(PUSH, num_envs=2, **choice)
     for seed in ([1, 2, 3], "a", 1.5, -1):

@@ -44,7 +44,9 @@ def test_success_is_enclosed_under_the_hard_wall_without_overlap(env):
     _, info = env.reset()
     assert not info["is_success"] and not info["enclosed"]
     info = env.step(action_of(ENCLOSING))[4]
-    assert info["is_success"] and info["enclosed"] and info["penetration"] == 0 and info["caging"] > 1
+    assert (
+        info["is_success"] and info["enclosed"] and info["penetration"] == 0 and info["caging"] > 1
+    )
     for posture in ([0.0, 0.0, 0.0, 0.0], [-2.58, -1.32, -1.0, 0.0]):
         env.reset()
         assert not env.step(action_of(posture))[4]["is_success"]

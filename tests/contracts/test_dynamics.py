@@ -48,8 +48,12 @@ def test_signatures_are_those_of_the_protocol(name):
 
 @every_dynamics
 def test_rows_threads_and_repetition_change_nothing(random_motion, name):
-    motion = random_motion("square", rows=6, steps=60, seed=3, sigma=0.003, dynamics=make(name, threads=1))
-    again = random_motion("square", rows=6, steps=60, seed=3, sigma=0.003, dynamics=make(name, threads=2))
+    motion = random_motion(
+        "square", rows=6, steps=60, seed=3, sigma=0.003, dynamics=make(name, threads=1)
+    )
+    again = random_motion(
+        "square", rows=6, steps=60, seed=3, sigma=0.003, dynamics=make(name, threads=2)
+    )
     assert motion.contact.any()
     assert_same(motion, again)
     start, rows = start_of(motion), len(motion.q_r)
@@ -68,7 +72,12 @@ def test_two_halves_make_a_whole(random_motion, name):
     first = dynamics.rollout(*start_of(motion), Commands(motion.actions[:, :20]), plant)
     np.testing.assert_array_equal(first.pose, motion.pose[:, :21])
     rest = dynamics.rollout(
-        first.q_r[:, -1], first.q_cmd[:, -1], first.pose[:, -1], Commands(motion.actions[:, 20:]), plant, first.memory
+        first.q_r[:, -1],
+        first.q_cmd[:, -1],
+        first.pose[:, -1],
+        Commands(motion.actions[:, 20:]),
+        plant,
+        first.memory,
     )
     np.testing.assert_array_equal(rest.pose, motion.pose[:, 20:])
     np.testing.assert_array_equal(rest.q_r, motion.q_r[:, 20:])
@@ -101,7 +110,9 @@ def test_the_lead_of_the_command_follows_the_settings(name, model):
 
 @every_dynamics
 def test_distances_are_those_of_the_geometry(random_motion, name):
-    motion = random_motion("three_discs", rows=6, steps=30, seed=6, sigma=0.003, dynamics=make(name))
+    motion = random_motion(
+        "three_discs", rows=6, steps=30, seed=6, sigma=0.003, dynamics=make(name)
+    )
     scene, distances = pack_scene("planar_arm", "three_discs"), np.empty(4)
     for i, t in np.ndindex(motion.q_r.shape[:2]):
         scene_distances(scene, motion.q_r[i, t], motion.pose[i, t], distances)
@@ -129,7 +140,9 @@ def follow(q, poses) -> np.ndarray:
 
 
 def test_slow_straight_push_by_a_links_side():
-    """All dynamics push disc and square alike: the object goes with the link, straight, by 0.2 m."""
+    """All dynamics push disc and square alike: the object goes with the link, straight, by
+    0.2 m.
+    """
     x = np.linspace(0.3, 0.5, 401)  # 0.005 m/s
     poses = np.column_stack([x, np.full(401, 0.1), np.full(401, np.pi / 2)])
     path = follow(np.array([-1.2, 1.0, 1.2, 0.5]), poses)
@@ -138,7 +151,9 @@ def test_slow_straight_push_by_a_links_side():
     pose = np.tile([0.3 + 0.05 + 0.075 + 1e-4, 0.1, 0.0], (len(names), 1))
     start = np.repeat(path[:1], len(names), axis=0)
     commands = Commands(np.repeat(path[None, 1:], len(names), axis=0), absolute=True)
-    motion = DynamicsByRow().rollout(start, start, pose, commands, plant_of(names, dynamics=list(DYNAMICS) * 2))
+    motion = DynamicsByRow().rollout(
+        start, start, pose, commands, plant_of(names, dynamics=list(DYNAMICS) * 2)
+    )
     moved = motion.pose[:, -1, :2] - pose[:, :2]
     np.testing.assert_allclose(np.linalg.norm(moved - [0.2, 0.0], axis=1), 0.0, atol=5e-3)
     assert motion.contact[:, 10:].any(axis=2).all()
@@ -148,7 +163,9 @@ def test_rows_of_a_batch_may_differ_in_their_dynamics(random_motion):
     whole = random_motion("square", rows=8, steps=30, seed=8)
     count, commands = len(whole.q_r), Commands(whole.actions)
     names = [list(DYNAMICS)[i % 2] for i in range(count)]
-    mixed = DynamicsByRow().rollout(*start_of(whole), commands, plant_of(["square"] * count, dynamics=names))
+    mixed = DynamicsByRow().rollout(
+        *start_of(whole), commands, plant_of(["square"] * count, dynamics=names)
+    )
     for name in DYNAMICS:
         rows = [i for i in range(count) if names[i] == name]
         alone = make(name).rollout(*start_of(whole), commands, plant_of(["square"] * count))
@@ -159,12 +176,22 @@ def test_rows_of_a_batch_may_differ_in_their_dynamics(random_motion):
 
 @every_dynamics
 def test_arrays_that_do_not_fit_are_refused(name):
-    q, pose, good = np.zeros((2, 4)), np.tile([0.0, 0.9, 0.0], (2, 1)), Commands(np.zeros((2, 3, 4)))
+    q, pose, good = (
+        np.zeros((2, 4)),
+        np.tile([0.0, 0.9, 0.0], (2, 1)),
+        Commands(np.zeros((2, 3, 4))),
+    )
     for arrays in (
         (q[:1], q, pose, good, plant_of(["circle"] * 2)),
         (q, q, pose[:, :2], good, plant_of(["circle"] * 2)),
         (q, q, pose, good, plant_of(["circle"])),
-        (q, q, pose, Commands(good.values, displacement=np.zeros((2, 2, 2))), plant_of(["circle"] * 2)),
+        (
+            q,
+            q,
+            pose,
+            Commands(good.values, displacement=np.zeros((2, 2, 2))),
+            plant_of(["circle"] * 2),
+        ),
     ):
         with pytest.raises(InvalidStateError):
             make(name).rollout(*arrays)
@@ -173,4 +200,6 @@ def test_arrays_that_do_not_fit_are_refused(name):
 def test_unknown_dynamics_are_refused():
     q, pose = np.zeros((1, 4)), np.array([[0.0, 0.9, 0.0]])
     with pytest.raises(UnknownNameError, match="mujoco, quasi_dynamic"):
-        DynamicsByRow().rollout(q, q, pose, Commands(np.zeros((1, 1, 4))), plant_of(["circle"], dynamics=["magic"]))
+        DynamicsByRow().rollout(
+            q, q, pose, Commands(np.zeros((1, 1, 4))), plant_of(["circle"], dynamics=["magic"])
+        )

@@ -28,15 +28,31 @@ CHOICES = [
     {"goal_conditioned": "dense", "dtype": "float32"},
     {"goal": (-0.2, 0.45), "weights": {"task": 500.0}, "action_repeat": 10},
     {"friction": 0.0, "threads": 1, "inertia": "own"},
-    {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"], "disturbance": [0.0, 0.005]}},
+    {
+        "randomize": {
+            "friction": [0.2, 0.8],
+            "object": ["circle", "square"],
+            "disturbance": [0.0, 0.005],
+        }
+    },
     *({"object": name, "escape_every": 50} for name, item in OBJECTS.items() if not item.loose),
     *({"dynamics": "mujoco", "object": name, "escape_field": None} for name in OBJECTS),
-    {"dynamics": "mujoco", "disturbance": 0.005, "adversary": 0.5, "start_noise": (0.01, 0.05), "friction": 0.0},
-    {"randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]}, "goal_conditioned": True},
+    {
+        "dynamics": "mujoco",
+        "disturbance": 0.005,
+        "adversary": 0.5,
+        "start_noise": (0.01, 0.05),
+        "friction": 0.0,
+    },
+    {
+        "randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]},
+        "goal_conditioned": True,
+    },
     {"dynamics": "mujoco", "randomize": {"mass": [0.5, 2.0], "delay": [0.0, 0.1]}},
 ]
-# What every id has: the planar arm takes every choice and every object, the others a set in which each keyword
-# argument that could depend on the robot and, under each dynamics, some object of each kind has its turn.
+# What every id has: the planar arm takes every choice and every object, the others a set in which
+# each keyword argument that could depend on the robot and, under each dynamics, some object of each
+# kind has its turn.
 REPRESENTATIVE = [
     {},
     {"escape_field": None, "prior": "contact"},
@@ -45,12 +61,27 @@ REPRESENTATIVE = [
     {"adversary": 1.0},
     {"goal_conditioned": "dense", "dtype": "float32"},
     {"goal": (-0.2, 0.45), "weights": {"task": 500.0}, "action_repeat": 10},
-    {"randomize": {"friction": [0.2, 0.8], "object": ["circle", "square"], "disturbance": [0.0, 0.005]}},
+    {
+        "randomize": {
+            "friction": [0.2, 0.8],
+            "object": ["circle", "square"],
+            "disturbance": [0.0, 0.005],
+        }
+    },
     {"object": "a4_box", "escape_every": 50},
     {"object": "paper_pack", "escape_every": 50, "inertia": "own"},
     {"dynamics": "mujoco", "object": "a4_box_roll_1", "start": "home", "escape_field": None},
-    {"dynamics": "mujoco", "disturbance": 0.005, "adversary": 0.5, "start_noise": (0.01, 0.05), "friction": 0.0},
-    {"randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]}, "goal_conditioned": True},
+    {
+        "dynamics": "mujoco",
+        "disturbance": 0.005,
+        "adversary": 0.5,
+        "start_noise": (0.01, 0.05),
+        "friction": 0.0,
+    },
+    {
+        "randomize": {"dynamics": ["quasi_dynamic", "mujoco"], "friction": [0.2, 0.8]},
+        "goal_conditioned": True,
+    },
 ]
 FULL = "piec_envs/PlanarArmPush-v0"
 NOISY = {"disturbance": 0.005, "adversary": 0.3, "start_noise": (0.01, 0.05), "object": "square"}
@@ -63,9 +94,15 @@ STATIC_CHOICES = [
     *({"object": name} for name in OBJECTS),
 ]
 EVERY_CHOICE = [
-    (env_id, choice) for env_id in MOTIONS for choice in (CHOICES if env_id == FULL else REPRESENTATIVE)
+    (env_id, choice)
+    for env_id in MOTIONS
+    for choice in (CHOICES if env_id == FULL else REPRESENTATIVE)
 ] + [(env_id, choice) for env_id in STATIC for choice in STATIC_CHOICES]
-MIXED = {"dynamics": ["quasi_dynamic", "mujoco"], "object": ["circle", "square"], "friction": [0.1, 0.9]}
+MIXED = {
+    "dynamics": ["quasi_dynamic", "mujoco"],
+    "object": ["circle", "square"],
+    "friction": [0.1, 0.9],
+}
 ROW_CHOICES = [
     {},
     NOISY,
@@ -76,11 +113,17 @@ ROW_CHOICES = [
     {
         "dynamics": "mujoco",
         "start": "home",
-        "randomize": {"object": ["a4_box", "a4_box_roll_1"], "mass": [0.5, 2.0], "delay": [0.0, 0.1]},
+        "randomize": {
+            "object": ["a4_box", "a4_box_roll_1"],
+            "mass": [0.5, 2.0],
+            "delay": [0.0, 0.1],
+        },
     },
 ]
 EVERY_ROW = [(env_id, choice) for env_id in MOTIONS for choice in ROW_CHOICES] + [
-    (env_id, choice) for env_id in STATIC for choice in ({}, {"object": "square", "dtype": "float32"})
+    (env_id, choice)
+    for env_id in STATIC
+    for choice in ({}, {"object": "square", "dtype": "float32"})
 ]
 
 
@@ -97,7 +140,11 @@ def same(a, b) -> bool:
 
 
 def row_of(value, i):
-    return {k: row_of(v, i) for k, v in value.items() if not k.startswith("_")} if isinstance(value, dict) else value[i]
+    return (
+        {k: row_of(v, i) for k, v in value.items() if not k.startswith("_")}
+        if isinstance(value, dict)
+        else value[i]
+    )
 
 
 @pytest.mark.parametrize(("env_id", "choice"), EVERY_CHOICE, ids=str)
@@ -135,7 +182,11 @@ def test_vector_row_equals_single_env(env_id, choice):
             else:
                 one, one_reward, one_terminated, one_truncated, one_info = env.step(actions[i])
             assert same(row_of(observation, i), one) and same(row_of(info, i), one_info), t
-            assert (reward[i], terminated[i], truncated[i]) == (one_reward, one_terminated, one_truncated)
+            assert (reward[i], terminated[i], truncated[i]) == (
+                one_reward,
+                one_terminated,
+                one_truncated,
+            )
         ended = terminated | truncated
     assert ended.any() == (env_id in STATIC)
 
@@ -147,7 +198,11 @@ def test_autoreset_equals_sync_vector_env(env_id, mode):
     choice = {**NOISY, "escape_every": 5, "max_episode_steps": 12} if env_id in MOTIONS else {}
     native = gym.make_vec(env_id, num_envs=2, autoreset_mode=mode, **choice)
     plain = gym.make_vec(
-        env_id, num_envs=2, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **choice
+        env_id,
+        num_envs=2,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": mode},
+        **choice,
     )
     assert native.metadata["autoreset_mode"] == mode
     a, b = native.reset(seed=3), plain.reset(seed=3)
@@ -161,12 +216,17 @@ def test_autoreset_equals_sync_vector_env(env_id, mode):
         assert a[4].keys() == b[4].keys()
         for key in a[4]:
             if key == "final_obs":
-                assert all(same(x, y) for x, y in zip(a[4][key], b[4][key], strict=True) if x is not None)
+                assert all(
+                    same(x, y) for x, y in zip(a[4][key], b[4][key], strict=True) if x is not None
+                )
             else:
                 assert same(a[4][key], b[4][key]), key
         ended = a[2] | a[3]
         if mode == AutoresetMode.DISABLED and ended.any():
-            a, b = native.reset(options={"reset_mask": ended}), plain.reset(options={"reset_mask": ended.copy()})
+            a, b = (
+                native.reset(options={"reset_mask": ended}),
+                plain.reset(options={"reset_mask": ended.copy()}),
+            )
             assert same(a[0], b[0]) and same(a[1], b[1])
 
 
@@ -211,7 +271,9 @@ def test_async_vector_env_works_after_a_batched_call(dynamics, rows):
     native.reset(seed=0)
     native.step(native.action_space.sample())
     how = {"context": "fork", "shared_memory": False}
-    forked = gym.make_vec(env_id, num_envs=2, vectorization_mode="async", vector_kwargs=how, **choice)
+    forked = gym.make_vec(
+        env_id, num_envs=2, vectorization_mode="async", vector_kwargs=how, **choice
+    )
     observation, _ = forked.reset(seed=0)
     assert observation.shape == (2, 23)
     stepped = forked.step(np.ones((2, 4)))[0]
@@ -224,7 +286,9 @@ def test_async_vector_env_works_after_a_batched_call(dynamics, rows):
 def test_noise_pairs_with_the_same_start():
     """Runs with and without disturbance begin at the same drawn start."""
     starts = [
-        gym.make("piec_envs/PlanarArmPush-v0", start_noise=(0.01, 0.05), disturbance=sigma).reset(seed=4)[0]
+        gym.make("piec_envs/PlanarArmPush-v0", start_noise=(0.01, 0.05), disturbance=sigma).reset(
+            seed=4
+        )[0]
         for sigma in (0.0, 0.005)
     ]
     np.testing.assert_array_equal(*starts)
@@ -233,7 +297,9 @@ def test_noise_pairs_with_the_same_start():
 @pytest.mark.parametrize("kind", ["gaussian", "direction"])
 def test_disturbance_has_the_stated_size(kind):
     """A free object moves by exactly its disturbance."""
-    env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None, disturbance=0.004, disturbance_kind=kind).unwrapped
+    env = gym.make(
+        "piec_envs/PlanarArmPush-v0", escape_field=None, disturbance=0.004, disturbance_kind=kind
+    ).unwrapped
     env.reset(seed=0, options={"state": {"pose": [-0.7, -0.7, 0.0]}})
     motion = env.rollout(env.get_state(), controls=np.zeros((1, 1000, 4))).motion
     steps = np.diff(motion.pose[0, :, :2], axis=0)
@@ -245,7 +311,9 @@ def test_disturbance_has_the_stated_size(kind):
 
 def test_adversary_flees_down_the_escape_time():
     env = gym.make("piec_envs/PlanarArmPush-v0", adversary=1.0, escape_every=1).unwrapped
-    _, info = env.reset(seed=0, options={"state": {"q_r": [2.5, 0.5, 0.5, 0.5], "pose": [0.5, -0.3, 0.0]}})
+    _, info = env.reset(
+        seed=0, options={"state": {"q_r": [2.5, 0.5, 0.5, 0.5], "pose": [0.5, -0.3, 0.0]}}
+    )
     times, before = [info["escape_time"]], env.get_state().pose[0]
     for _ in range(60):
         times.append(env.step(np.zeros(4))[4]["escape_time"])
@@ -256,7 +324,9 @@ def test_adversary_flees_down_the_escape_time():
 
 def test_compute_reward_is_vectorised_and_equals_the_step():
     for mode in (True, "dense"):
-        env = gym.make("piec_envs/PlanarArmPush-v0", goal_conditioned=mode, escape_field=None).unwrapped
+        env = gym.make(
+            "piec_envs/PlanarArmPush-v0", goal_conditioned=mode, escape_field=None
+        ).unwrapped
         env.reset(seed=0)
         observation, reward, *_ = env.step(np.ones(4))
         achieved, desired = observation["achieved_goal"], observation["desired_goal"]

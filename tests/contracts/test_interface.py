@@ -1,4 +1,6 @@
-"""What other libraries ask of an environment: errors, calls before a reset, infos, generators, specs and lengths."""
+"""What other libraries ask of an environment: errors, calls before a reset, infos, generators,
+specs and lengths.
+"""
 
 from __future__ import annotations
 
@@ -45,13 +47,17 @@ def synchronous(env_id, rows=2, mode=AutoresetMode.NEXT_STEP, **choice):
 @pytest.mark.parametrize("env_id", ENVS)
 @pytest.mark.parametrize("make", [gym.make, native, synchronous])
 def test_an_unknown_argument_is_also_what_python_would_say(env_id, make):
-    with pytest.raises(TypeError, match=r"got an unexpected keyword argument 'frameskip'; known: .*object") as caught:
+    with pytest.raises(
+        TypeError, match=r"got an unexpected keyword argument 'frameskip'; known: .*object"
+    ) as caught:
         make(env_id, frameskip=1)
     assert isinstance(caught.value, UnknownArgumentError) and isinstance(caught.value, ValueError)
 
 
 def test_an_unknown_argument_says_what_may_have_been_meant_and_crosses_processes():
-    with pytest.raises(UnknownArgumentError, match=r"'fiction'; known: .*Did you mean 'friction'") as caught:
+    with pytest.raises(
+        UnknownArgumentError, match=r"'fiction'; known: .*Did you mean 'friction'"
+    ) as caught:
         PlanarArmPush(fiction=0.5)
     for error in (caught.value, UnknownArgumentError("a text alone, as Gymnasium makes it again")):
         assert str(pickle.loads(pickle.dumps(error))) == str(error)
@@ -126,7 +132,11 @@ def test_the_adapter_of_stable_baselines3_needs_a_reset():
     from planners.sb3.vec_env import NativeVecEnv
 
     venv = NativeVecEnv(PUSH, 2, render_mode="rgb_array", **WITHOUT_FIELD)
-    for call in (lambda: venv.step(np.zeros((2, 4))), venv.get_images, lambda: venv.env_method("get_state")):
+    for call in (
+        lambda: venv.step(np.zeros((2, 4))),
+        venv.get_images,
+        lambda: venv.env_method("get_state"),
+    ):
         with pytest.raises(ResetNeeded, match=r"rows \[0, 1\]"):
             call()
 
@@ -151,7 +161,10 @@ def test_infos_are_numbers_in_flat_arrays(env_id):
     for make in (native, synchronous):
         envs = make(env_id)
         several, later = envs.reset(seed=0)[1], envs.step(envs.action_space.sample())[4]
-        assert set(info) == {name for name in several if not name.startswith("_")} and several.keys() == later.keys()
+        assert (
+            set(info) == {name for name in several if not name.startswith("_")}
+            and several.keys() == later.keys()
+        )
         check_entries(several, (2,))
         check_entries(later, (2,))
 
@@ -171,7 +184,8 @@ def test_gymnasiums_converter_to_torch_takes_every_environment(env_id):
     for make in (native, synchronous):
         envs = VectorNumpyToTorch(make(env_id, **limit))
         infos = [envs.reset(seed=0)[1]]
-        infos += [envs.step(torch.zeros(envs.action_space.shape))[4] for _ in range(5)]  # through an autoreset
+        # through an autoreset
+        infos += [envs.step(torch.zeros(envs.action_space.shape))[4] for _ in range(5)]
         for info in infos:
             assert all(isinstance(entry, torch.Tensor) for entry in info.values())
             assert info["penetration"].shape == (2,)
@@ -182,7 +196,10 @@ def test_what_stays_the_same_is_told_on_request():
     envs.reset(seed=4)
     plain.reset(seed=4)
     told, singles = envs.unwrapped.get_params(), plain.call("get_params")
-    assert told["object"].tolist() == ["circle", "circle"] and told["friction"].tolist() == [0.3, 0.3]
+    assert told["object"].tolist() == ["circle", "circle"] and told["friction"].tolist() == [
+        0.3,
+        0.3,
+    ]
     for name, values in told.items():
         for row in range(2):
             np.testing.assert_array_equal(values[row], singles[row][name])

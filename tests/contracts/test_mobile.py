@@ -1,4 +1,6 @@
-"""What a sliding base changes: observations from the base, goals in the world, references along arcs."""
+"""What a sliding base changes: observations from the base, goals in the world, references along
+arcs.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,11 @@ from piec_envs.world.robots import get_robot
 
 PUSH, TRACK = "piec_envs/MobileFrankaPush-v0", "piec_envs/MobileFrankaTrack-v0"
 CAPSULES = {"geometry": "capsules", "escape_field": None}
-Q, POSE, GOAL = np.array([-0.4, 0.3, 0.5, -1.2, 1.9]), np.array([0.6, 0.5, 0.7]), np.array([-0.3, 0.2])
+Q, POSE, GOAL = (
+    np.array([-0.4, 0.3, 0.5, -1.2, 1.9]),
+    np.array([0.6, 0.5, 0.7]),
+    np.array([-0.3, 0.2]),
+)
 SHIFT = np.array([0.25, -0.35])
 ROBOT = get_robot("mobile_franka_capsules")
 
@@ -28,7 +34,9 @@ def moved(array, shift):
 
 
 def entries(*names, tracking=False):
-    layout = observation_layout(ROBOT, get_task("mobile_franka_track_left" if tracking else "mobile_franka_push"))
+    layout = observation_layout(
+        ROBOT, get_task("mobile_franka_track_left" if tracking else "mobile_franka_push")
+    )
     return np.concatenate([np.arange(layout.size)[layout.slices[name]] for name in names])
 
 
@@ -43,7 +51,8 @@ def test_moving_everything_changes_the_base_alone():
     before, after = seen(), seen(moved(Q, SHIFT), moved(POSE, SHIFT), GOAL + SHIFT)
     assert changed(before, after) == BASE
     for name in ("q_r", "q_cmd"):
-        np.testing.assert_allclose((after - before)[entries(name)[:2]], SHIFT / 2.0, atol=1e-12)  # over the limits
+        # over the limits
+        np.testing.assert_allclose((after - before)[entries(name)[:2]], SHIFT / 2.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("env_id", [PUSH, TRACK])
@@ -52,14 +61,20 @@ def test_the_object_is_seen_from_the_base(env_id):
     before, after = seen(env_id=env_id), seen(moved(Q, SHIFT), env_id=env_id)
     place = entries("object", tracking=tracking)
     assert changed(before, after) == BASE | set(place[:2].tolist())
-    np.testing.assert_allclose(before[place], [*(POSE[:2] - Q[:2]), np.cos(0.7), np.sin(0.7)], atol=1e-12)
+    np.testing.assert_allclose(
+        before[place], [*(POSE[:2] - Q[:2]), np.cos(0.7), np.sin(0.7)], atol=1e-12
+    )
     np.testing.assert_allclose((after - before)[place[:2]], -SHIFT, atol=1e-12)
-    np.testing.assert_allclose(before[entries("goal", tracking=tracking)], GOAL - POSE[:2], atol=1e-12)
+    np.testing.assert_allclose(
+        before[entries("goal", tracking=tracking)], GOAL - POSE[:2], atol=1e-12
+    )
 
 
 def test_cosine_and_sine_are_of_turning_joints_alone():
     observation = seen()
-    np.testing.assert_allclose(observation[entries("cos_q", "sin_q")], [*np.cos(Q[2:]), *np.sin(Q[2:])], atol=1e-12)
+    np.testing.assert_allclose(
+        observation[entries("cos_q", "sin_q")], [*np.cos(Q[2:]), *np.sin(Q[2:])], atol=1e-12
+    )
 
 
 def test_goals_stay_in_the_world():
@@ -80,7 +95,9 @@ def test_a_reference_begins_and_ends_right_at_constant_speed(side):
     reference = SIDES[side]
     assert reference.shape == (HORIZON + 1, 2)
     np.testing.assert_allclose(reference[0], START, atol=1e-12)
-    np.testing.assert_allclose(reference[ARRIVAL:], np.tile(MOBILE.goal, (HORIZON + 1 - ARRIVAL, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        reference[ARRIVAL:], np.tile(MOBILE.goal, (HORIZON + 1 - ARRIVAL, 1)), atol=1e-12
+    )
     steps = np.hypot(*np.diff(reference[: ARRIVAL + 1], axis=0).T)
     np.testing.assert_allclose(steps, steps[0], rtol=1e-9)
     radius = np.hypot(*(MOBILE.goal - START)) / 2 / np.sin(ARC / 2)

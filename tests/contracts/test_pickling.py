@@ -1,4 +1,6 @@
-"""Copies: of environments, fields, planners and policies, pickled for another process or copied in this one."""
+"""Copies: of environments, fields, planners and policies, pickled for another process or copied in
+this one.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,10 @@ from planners import (
 ROOT = Path(__file__).resolve().parents[2]
 LARGEST = 150_000  # bytes; a table of the Franka has 100 MB
 PUSH = "piec_envs/PlanarArmPush-v0"
-MAKERS = {"single": gym.make, "native": lambda *args, **kwargs: gym.make_vec(*args, num_envs=2, **kwargs)}
+MAKERS = {
+    "single": gym.make,
+    "native": lambda *args, **kwargs: gym.make_vec(*args, num_envs=2, **kwargs),
+}
 CHOICES = [(env_id, {}) for env_id in ENVS] + [
     (env_id, choice)
     for env_id in MOTIONS
@@ -93,7 +98,11 @@ FIELD_CHOICES = [
         ("pinn", {}),
         ("table", {"resolution": 16, "spacing": 0.5, "speed": SpeedModel(leak=0.125, u_bar=0.1)}),
     )
-    if (name in ("grid",) or (name == "table" and can_tabulate(get_robot(robot))) or has_weights(robot, name))
+    if (
+        name in ("grid",)
+        or (name == "table" and can_tabulate(get_robot(robot)))
+        or has_weights(robot, name)
+    )
 ]
 
 
@@ -103,7 +112,10 @@ def test_a_field_is_made_again_from_its_spec(options, carried):
     compiled, size = carried(field)
     assert not compiled and size < 2_000
     rng = np.random.default_rng(0)
-    q, points = rng.uniform(-0.5, 0.5, (3, get_robot(field.robot_name).dof)), rng.uniform(-0.5, 0.5, (3, 4, 2))
+    q, points = (
+        rng.uniform(-0.5, 0.5, (3, get_robot(field.robot_name).dof)),
+        rng.uniform(-0.5, 0.5, (3, 4, 2)),
+    )
     made = through_pickle(field)
     assert made is not field and made.spec() == field.spec() and made.threads == field.threads
     assert copy.deepcopy(field) is field and copy.copy(field) is field
@@ -119,7 +131,10 @@ def test_a_field_of_weights_that_are_elsewhere_takes_them_along(tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     weights = make_field("network").weights
     weights.save("mine.npz")
-    from_file, given = make_field("network", weights="mine.npz"), make_field("network", weights=weights)
+    from_file, given = (
+        make_field("network", weights="mine.npz"),
+        make_field("network", weights=weights),
+    )
     kept = [pickle.dumps(field) for field in (from_file, given)]
     for file in tmp_path.iterdir():
         file.unlink()
@@ -159,10 +174,19 @@ def test_dynamics_carry_nothing_compiled(name, carried):
 def test_a_policy_carries_nothing_compiled(carried):
     robot = get_robot("planar_arm")
     plan = Plan(
-        env_id=PUSH, robot=robot.name, joints=tuple(joint.name for joint in robot.joints), horizon=1000,
-        env_kwargs={}, path=np.zeros((1001, 4)), via_points=np.zeros((1, 4)), objective="contact", preset="default",
-        seed=0, cost=0.0, nominal={},
-    )  # fmt: skip
+        env_id=PUSH,
+        robot=robot.name,
+        joints=tuple(joint.name for joint in robot.joints),
+        horizon=1000,
+        env_kwargs={},
+        path=np.zeros((1001, 4)),
+        via_points=np.zeros((1, 4)),
+        objective="contact",
+        preset="default",
+        seed=0,
+        cost=0.0,
+        nominal={},
+    )
     assert not carried(OpenLoopPolicy(plan))[0]
 
 
@@ -193,6 +217,10 @@ def test_in_another_process_a_pickled_env_compiles_nothing():
     env.reset(seed=0)
     reward = env.step(np.full(4, 0.5))[1]
     result = subprocess.run(
-        [sys.executable, "-c", ELSEWHERE], input=pickle.dumps(env), capture_output=True, check=True, cwd=ROOT
+        [sys.executable, "-c", ELSEWHERE],
+        input=pickle.dumps(env),
+        capture_output=True,
+        check=True,
+        cwd=ROOT,
     )
     assert result.stdout.decode().split(maxsplit=1) == [str(reward), "[]\n"]

@@ -1,4 +1,6 @@
-"""Values that mean nothing are refused wherever they may be given, and whatever is recorded stays valid."""
+"""Values that mean nothing are refused wherever they may be given, and whatever is recorded stays
+valid.
+"""
 
 from __future__ import annotations
 
@@ -45,9 +47,15 @@ IDS = [f"{name}={value!r}" for name, value, *_ in BAD]
 def every_way(name, value, beside):
     """All ways in which a plant parameter may be given, each as a function without arguments."""
     params = {name: value, **beside}
-    single, several = gym.make(PUSH, **WITHOUT_FIELD), gym.make_vec(PUSH, num_envs=2, **WITHOUT_FIELD)
+    single, several = (
+        gym.make(PUSH, **WITHOUT_FIELD),
+        gym.make_vec(PUSH, num_envs=2, **WITHOUT_FIELD),
+    )
     yield "argument", lambda: gym.make(PUSH, **WITHOUT_FIELD, **params)
-    yield "argument of a VectorEnv", lambda: gym.make_vec(PUSH, num_envs=2, **WITHOUT_FIELD, **params)
+    yield (
+        "argument of a VectorEnv",
+        lambda: gym.make_vec(PUSH, num_envs=2, **WITHOUT_FIELD, **params),
+    )
     for env, wrapper in ((single, Mismatch), (several, VectorMismatch)):
         yield "set_params", lambda env=env: env.unwrapped.set_params(params)
         yield "option of reset", lambda env=env: env.reset(options={"params": params})
@@ -73,7 +81,11 @@ def test_a_mass_that_is_drawn_or_injected_needs_its_dynamics():
     with pytest.raises(InvalidParameterError, match="mass must be 1"):
         drawn.reset(options={"params": {"dynamics": "quasi_dynamic"}})
     with pytest.raises(InvalidParameterError, match="mass must be 1"):
-        gym.make(PUSH, **WITHOUT_FIELD, randomize={"mass": [0.7, 1.3], "dynamics": ["mujoco", "quasi_dynamic"]})
+        gym.make(
+            PUSH,
+            **WITHOUT_FIELD,
+            randomize={"mass": [0.7, 1.3], "dynamics": ["mujoco", "quasi_dynamic"]},
+        )
     assert PlantParams().replace({"mass": 2.0}, {"dynamics": "mujoco"}).mass == 2.0
 
 
@@ -98,11 +110,14 @@ def test_other_arguments_out_of_range_are_refused(choice, message):
 
 
 def straight_reach(robot):
-    """Farthest distance of the robot's surface from its first turning joint, of random postures, m."""
+    """Farthest distance of the robot's surface from its first turning joint, of random
+    postures, m.
+    """
     rng, far, scene = np.random.default_rng(0), 0.0, pack_scene(robot.name, "circle")
     distances, radius = np.empty(scene.robot.links), OBJECTS["circle"].bounding_radius
     for q in rng.uniform(scene.robot.lower, scene.robot.upper, (300, robot.dof)):
-        place = np.array([50.0, 0.0, 0.0])  # so far away that distances tell how far the arm comes towards it
+        # so far away that distances tell how far the arm comes towards it
+        place = np.array([50.0, 0.0, 0.0])
         scene_distances(scene, q, place, distances)
         far = max(far, 50.0 - radius - float(distances.min()))
     return far
@@ -115,7 +130,8 @@ def test_what_no_arm_can_do_is_no_goal(robot_name):
         least, most = goal_ring(robot_name, name)
         assert 0 <= least < most <= robot.workspace_radius
         assert most >= min(robot.workspace_radius, 0.9 * straight_reach(robot)) - 1e-9
-        if least:  # there the object would stand in the arm by more than the goal region makes up for
+        # there the object would stand in the arm by more than the goal region makes up for
+        if least:
             scene = pack_scene(robot_name, name)
             distances = np.empty(scene.robot.links)
             rng = np.random.default_rng(1)
@@ -135,7 +151,9 @@ def test_goals_of_tasks_lie_in_the_ring_and_others_are_refused(task):
     assert EnvConfig(task=task.name, goal=(0.0, inside), **about).goal == (0.0, inside)
     for distance in (most + 1e-6, least - 1e-6):
         if distance > 0:
-            with pytest.raises(InvalidParameterError, match=rf"within {most:g} m .*can bring '{task.object}'"):
+            with pytest.raises(
+                InvalidParameterError, match=rf"within {most:g} m .*can bring '{task.object}'"
+            ):
                 EnvConfig(task=task.name, goal=(0.0, distance), **about)
 
 
@@ -145,7 +163,10 @@ def test_goals_of_tasks_lie_in_the_ring_and_others_are_refused(task):
 @pytest.mark.parametrize("env_id", MOTIONS)
 def test_states_beyond_what_is_observed_are_refused(env_id):
     """As fields and as a whole, single and vector; the episode before them stays."""
-    env, envs = gym.make(env_id, **WITHOUT_FIELD).unwrapped, gym.make_vec(env_id, num_envs=2, **WITHOUT_FIELD)
+    env, envs = (
+        gym.make(env_id, **WITHOUT_FIELD).unwrapped,
+        gym.make_vec(env_id, num_envs=2, **WITHOUT_FIELD),
+    )
     env.reset(seed=0)
     envs.reset(seed=0)
     far = r"'pose' must lie within 10 m of the origin along x and y, got \[13\.0, 0\.0\]"
@@ -159,9 +180,15 @@ def test_states_beyond_what_is_observed_are_refused(env_id):
         thrown[-1] = [13.0, 0.0, 0.0]
         bent = np.array(good.q_r)
         bent[-1] += 50.0
-        for change, message in (({"pose": thrown}, far), ({"q_r": bent}, "'q_r' must stay near the joint limits")):
+        for change, message in (
+            ({"pose": thrown}, far),
+            ({"q_r": bent}, "'q_r' must stay near the joint limits"),
+        ):
             bad = dataclasses.replace(good, **change)
-            for take in (each.set_state, lambda bad=bad, each=each: each.reset(options={"state": bad})):
+            for take in (
+                each.set_state,
+                lambda bad=bad, each=each: each.reset(options={"state": bad}),
+            ):
                 with pytest.raises(InvalidStateError, match=message):
                     take(bad) if take == each.set_state else take()
             with pytest.raises(InvalidStateError, match=message):

@@ -21,7 +21,9 @@ COARSE = {"escape_field": {"name": "grid", "resolution": 48, "method": "marching
 
 def native(env_id, **choice):
     """Two rows, made at once."""
-    return gym.make_vec(env_id, num_envs=2, **{**(COARSE if env_id == CAGE else WITHOUT_FIELD), **choice})
+    return gym.make_vec(
+        env_id, num_envs=2, **{**(COARSE if env_id == CAGE else WITHOUT_FIELD), **choice}
+    )
 
 
 def synchronous(env_id, **choice):
@@ -78,7 +80,11 @@ def test_arrays_among_the_arguments_are_taken_and_kept_as_json(make):
 
 def test_arrays_enumerations_and_paths_stand_in_specs_as_json_has_them(tmp_path):
     cage = gym.make(CAGE, pose=np.array([0.2, 0.1, 0.5]))
-    assert gym.envs.registration.EnvSpec.from_json(cage.spec.to_json()).kwargs["pose"] == [0.2, 0.1, 0.5]
+    assert gym.envs.registration.EnvSpec.from_json(cage.spec.to_json()).kwargs["pose"] == [
+        0.2,
+        0.1,
+        0.5,
+    ]
     envs = native(PUSH, autoreset_mode=AutoresetMode.SAME_STEP)
     assert json.loads(envs.spec.to_json())["kwargs"]["autoreset_mode"] == "SameStep"
     wrapped = FrictionMismatch(gym.make(PUSH, **WITHOUT_FIELD), friction=np.float32(0.25))
@@ -114,21 +120,39 @@ def length(env, action):
     ],
 )
 def test_an_episode_ends_at_its_horizon_or_at_a_limit_before(repeat, limit, actions):
-    """Single, synchronous and native; the cost of the end falls where the episode ends, and nowhere else."""
+    """Single, synchronous and native; the cost of the end falls where the episode ends, and nowhere
+    else.
+    """
     choice = {"action_repeat": repeat, **({} if limit == "none" else {"max_episode_steps": limit})}
-    env, envs, plain = gym.make(PUSH, **WITHOUT_FIELD, **choice), native(PUSH, **choice), synchronous(PUSH, **choice)
-    found = [length(env, np.zeros(4)), length(envs, np.zeros((2, 4))), length(plain, np.zeros((2, 4)))]
+    env, envs, plain = (
+        gym.make(PUSH, **WITHOUT_FIELD, **choice),
+        native(PUSH, **choice),
+        synchronous(PUSH, **choice),
+    )
+    found = [
+        length(env, np.zeros(4)),
+        length(envs, np.zeros((2, 4))),
+        length(plain, np.zeros((2, 4))),
+    ]
     assert len(set(found)) == 1 and found[0][0] == actions
     due = found[0][1] < -20.0  # 1e-3 of w_miss d2g, and of a few hundred for each control step
     assert due == (actions * repeat == HORIZON)
     if limit in ("none", -1, None):
         assert env.spec.max_episode_steps == envs.spec.max_episode_steps == actions
-        assert gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json())).spec.max_episode_steps == actions
+        assert (
+            gym.make(
+                gym.envs.registration.EnvSpec.from_json(env.spec.to_json())
+            ).spec.max_episode_steps
+            == actions
+        )
 
 
 def test_an_environment_made_without_gymnasium_ends_too():
     assert length(PlanarArmPush(action_repeat=100, **WITHOUT_FIELD), np.zeros(4))[0] == 10
-    assert PlanarArmPush(**WITHOUT_FIELD).episode_actions == 1000 and PlanarArmCage().episode_actions is None
+    assert (
+        PlanarArmPush(**WITHOUT_FIELD).episode_actions == 1000
+        and PlanarArmCage().episode_actions is None
+    )
 
 
 def test_a_state_of_a_later_step_leaves_the_steps_to_the_horizon():

@@ -28,9 +28,13 @@ def task_of(robot_name):
 
 
 def problem_of(robot_name, escape):
-    """The static problem that a start solves: the whole arm keeps clear, the field is of what touches."""
+    """The static problem that a start solves: the whole arm keeps clear, the field is of what
+    touches.
+    """
     task = task_of(robot_name)
-    return CagingProblem(get_robot(robot_name).whole_name, task.object, task.start, escape, clearance=CLEARANCE)
+    return CagingProblem(
+        get_robot(robot_name).whole_name, task.object, task.start, escape, clearance=CLEARANCE
+    )
 
 
 def test_every_franka_has_its_starts():
@@ -44,7 +48,10 @@ def test_every_franka_has_its_starts():
 
 @pytest.mark.parametrize(("robot_name", "name"), ROWS)
 def test_starts_are_within_the_limits_and_clear_of_the_object(robot_name, name):
-    q, escape = start_posture(name, robot_name), make_field("grid", get_robot(robot_name).name, resolution=32)
+    q, escape = (
+        start_posture(name, robot_name),
+        make_field("grid", get_robot(robot_name).name, resolution=32),
+    )
     problem = problem_of(robot_name, escape)
     assert (q >= problem.lower).all() and (q <= problem.upper).all()
     phi = problem.constraints(q[None])[0][0]
@@ -53,7 +60,9 @@ def test_starts_are_within_the_limits_and_clear_of_the_object(robot_name, name):
 
 
 @pytest.mark.parametrize("contact", ["whole_arm", "link", "point"])
-@pytest.mark.parametrize("env_id", [PUSH, "piec_envs/MobileFrankaTrack-v0", "piec_envs/FrankaPush-v0"])
+@pytest.mark.parametrize(
+    "env_id", [PUSH, "piec_envs/MobileFrankaTrack-v0", "piec_envs/FrankaPush-v0"]
+)
 def test_an_episode_begins_at_its_start(env_id, contact):
     for start in ("auto", "home"):
         env = gym.make(env_id, contact=contact, start=start, **CAPSULES).unwrapped
@@ -76,8 +85,16 @@ def test_joint_positions_are_taken_as_they_are():
     [
         ([0.0, 0.0, 0.0], InvalidParameterError, r"start.*\(5,\)"),
         ([0.0, 0.0, np.nan, -1.0, 1.0], InvalidParameterError, "start.*finite"),
-        ([0.0, 2.5, 0.0, -1.0, 1.0], InvalidParameterError, "start must be within the joint limits.*2.5"),
-        ([0.0, 0.0, 0.0, 0.5, 1.0], InvalidParameterError, "start must be within the joint limits.*0.5"),
+        (
+            [0.0, 2.5, 0.0, -1.0, 1.0],
+            InvalidParameterError,
+            "start must be within the joint limits.*2.5",
+        ),
+        (
+            [0.0, 0.0, 0.0, 0.5, 1.0],
+            InvalidParameterError,
+            "start must be within the joint limits.*0.5",
+        ),
         ("touch", UnknownNameError, "start of mobile_franka_capsules.*touch.*cage.*home.*open"),
     ],
     ids=["length", "nan", "base", "joint", "name"],

@@ -30,7 +30,9 @@ TOUCHING = {"state": {"pose": [0.6, 0.1255, 0.0]}}  # a square at the planar arm
 
 
 def touching(env):
-    """Options of `reset` that put the square beside the arm of any environment, straight and along x."""
+    """Options of `reset` that put the square beside the arm of any environment, straight and along
+    x.
+    """
     home = env.model.robot.home
     scene = pack_scene(env.model.robot.name, "square")
     distances = np.empty(scene.robot.links)
@@ -56,7 +58,9 @@ def test_state_restores_everything(env_id, dynamics):
     other.reset(seed=99)
     for restore in (env.set_state, other.set_state, lambda s: other.reset(options={"state": s})):
         restore(state)
-        continued = [(env if restore == env.set_state else other).step(action) for action in actions[25:]]
+        continued = [
+            (env if restore == env.set_state else other).step(action) for action in actions[25:]
+        ]
         for a, b in zip(expected, continued, strict=True):
             assert same(a[0], b[0]) and a[1] == b[1] and same(a[4], b[4])
 
@@ -73,7 +77,9 @@ def test_rollout_equals_stepping(env_id, choice, dynamics):
     state = env.get_state()
     controls = np.random.default_rng(0).uniform(-1, 1, (2, 40, n))
     rollout = env.rollout(state, controls=controls)
-    path = env.rollout(state, path=state.q_r[:, None] + np.linspace(0, 0.3, 40)[None, :, None] * np.ones(n))
+    path = env.rollout(
+        state, path=state.q_r[:, None] + np.linspace(0, 0.3, 40)[None, :, None] * np.ones(n)
+    )
     followed = env.rollout(state, controls=path.motion.actions)
     np.testing.assert_array_equal(followed.motion.pose, path.motion.pose)
     for i in range(2):
@@ -90,9 +96,14 @@ def test_rollout_equals_stepping(env_id, choice, dynamics):
 
 @pytest.mark.parametrize("env_id", MOTIONS)
 def test_the_last_step_alone_charges_the_distance_to_the_goal_region(env_id):
-    """What planners minimise and agents are rewarded for is one sum, and the way of counting does not matter."""
+    """What planners minimise and agents are rewarded for is one sum, and the way of counting does
+    not matter.
+    """
     choice = {"escape_field": None, "prior": "contact"}
-    env, held = gym.make(env_id, **choice).unwrapped, gym.make(env_id, action_repeat=4, **choice).unwrapped
+    env, held = (
+        gym.make(env_id, **choice).unwrapped,
+        gym.make(env_id, action_repeat=4, **choice).unwrapped,
+    )
     env.reset(seed=0)
     state, weights, (n,) = env.get_state(), env.model.weights, env.action_space.shape
     state.step[:] = env.model.task.horizon - 4
@@ -102,7 +113,9 @@ def test_the_last_step_alone_charges_the_distance_to_the_goal_region(env_id):
     for left in (3, 2, 1, 0):
         _, reward, _, _, info = env.step(np.zeros(n))
         stage = weights.task * info["cost_task"] + weights.command * info["cost_command"]
-        stage += weights.prior * info["cost_prior"] + (weights.miss * info["d2g"] if left == 0 else 0.0)
+        stage += weights.prior * info["cost_prior"] + (
+            weights.miss * info["d2g"] if left == 0 else 0.0
+        )
         assert info["d2g"] > 0.1 and -1e3 * reward == pytest.approx(stage, rel=1e-12)
         rewards.append(reward)
     held.reset(seed=0)
@@ -128,10 +141,12 @@ def test_a_state_may_go_on_under_another_dynamics():
 def test_shape_mismatch_moves_an_overlapping_start():
     """The true object is larger than the planned one: the start gives way by at most 20 mm."""
     setup = make_setup("piec_envs/PlanarArmPush-v0", escape_field=None)
-    task = dataclasses.replace(setup.task, start=np.array([0.6, 0.13, 0.4]))  # free for the circle alone
+    # free for the circle alone
+    task = dataclasses.replace(setup.task, start=np.array([0.6, 0.13, 0.4]))
     sampler = StartSampler(dataclasses.replace(setup, task=task))
     circle, square = (
-        sampler.draw(PlantParams(object=name), 0, np.random.default_rng(0)) for name in ("circle", "square")
+        sampler.draw(PlantParams(object=name), 0, np.random.default_rng(0))
+        for name in ("circle", "square")
     )
     np.testing.assert_array_equal(circle.pose[0], task.start)
     moved = square.pose[0] - task.start
@@ -173,7 +188,9 @@ def test_rollout_of_rows_at_different_steps_equals_stepping():
 
 def test_any_state_of_an_episode_can_be_restored():
     """Displaced poses overlap the arm for a moment; they are states all the same."""
-    env = gym.make("piec_envs/PlanarArmPush-v0", escape_field=None, disturbance=0.005, noise_entry="state").unwrapped
+    env = gym.make(
+        "piec_envs/PlanarArmPush-v0", escape_field=None, disturbance=0.005, noise_entry="state"
+    ).unwrapped
     env.reset(seed=0, options={"state": {"pose": [0.6, 0.13, 0.0]}})
     for _ in range(60):
         env.step(np.array([1.0, 0.0, 0.0, 0.0]))
@@ -195,8 +212,12 @@ def test_an_object_that_fled_stays_when_it_no_longer_flees():
 
 
 def test_one_row_begins_anew_without_touching_the_others_noise():
-    envs = gym.make_vec("piec_envs/PlanarArmPush-v0", num_envs=2, escape_field=None, disturbance=0.005)
-    other = gym.make_vec("piec_envs/PlanarArmPush-v0", num_envs=2, escape_field=None, disturbance=0.005)
+    envs = gym.make_vec(
+        "piec_envs/PlanarArmPush-v0", num_envs=2, escape_field=None, disturbance=0.005
+    )
+    other = gym.make_vec(
+        "piec_envs/PlanarArmPush-v0", num_envs=2, escape_field=None, disturbance=0.005
+    )
     for each in (envs, other):
         each.reset(seed=0)
         each.step(np.zeros((2, 4)))

@@ -1,4 +1,6 @@
-"""Any sequence of calls: the native VectorEnv against single environments that are stepped one by one."""
+"""Any sequence of calls: the native VectorEnv against single environments that are stepped one by
+one.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +13,20 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 
-from piec_envs.errors import InvalidActionError, InvalidParameterError, InvalidStateError, UnknownNameError
+from piec_envs.errors import (
+    InvalidActionError,
+    InvalidParameterError,
+    InvalidStateError,
+    UnknownNameError,
+)
 
 PUSH, CAGE = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"
 ROWS, LIMIT = 2, 6
@@ -25,8 +38,16 @@ NOISY = {
     "randomize": {"friction": [0.1, 0.9]},
 }
 DRAWN = {**NOISY, "render_mode": "rgb_array"}
-FLEEING = {**NOISY, "escape_field": {"name": "grid", "resolution": 24}, "escape_every": 4, "adversary": 0.5}
-SECOND_ORDER = {**NOISY, "randomize": {"dynamics": ["mujoco", "quasi_dynamic"], "friction": [0.1, 0.9]}}
+FLEEING = {
+    **NOISY,
+    "escape_field": {"name": "grid", "resolution": 24},
+    "escape_every": 4,
+    "adversary": 0.5,
+}
+SECOND_ORDER = {
+    **NOISY,
+    "randomize": {"dynamics": ["mujoco", "quasi_dynamic"], "friction": [0.1, 0.9]},
+}
 COARSE = {"escape_field": {"name": "grid", "resolution": 24, "method": "marching"}}
 MODES = list(AutoresetMode)
 CASES = [
@@ -38,13 +59,23 @@ CASES = [
 ]
 
 SEEDS = st.integers(0, 5)
-MASKS = st.lists(st.booleans(), min_size=ROWS, max_size=ROWS).filter(any).map(lambda mask: np.array(mask))
+MASKS = (
+    st.lists(st.booleans(), min_size=ROWS, max_size=ROWS)
+    .filter(any)
+    .map(lambda mask: np.array(mask))
+)
 CHANGES = st.fixed_dictionaries(
-    {}, optional={"friction": st.sampled_from([0.0, 0.4]), "object": st.sampled_from(["circle", "hexagon"])}
+    {},
+    optional={
+        "friction": st.sampled_from([0.0, 0.4]),
+        "object": st.sampled_from(["circle", "hexagon"]),
+    },
 )
 STARTS = st.sampled_from([{"pose": [0.6, 0.3, 0.5]}, {"q_r": [-0.3, -0.2, 0.1, 0.0], "step": 997}])
 OPTIONS = st.fixed_dictionaries({}, optional={"params": CHANGES, "state": STARTS})
-POSES = st.fixed_dictionaries({}, optional={"pose": st.sampled_from([(0.3, 0.1, 0.2), (-0.2, 0.3, 1.0)])})
+POSES = st.fixed_dictionaries(
+    {}, optional={"pose": st.sampled_from([(0.3, 0.1, 0.2), (-0.2, 0.3, 1.0)])}
+)
 
 
 def same(a, b) -> bool:
@@ -66,7 +97,9 @@ def same_states(a, b) -> bool:
 
 
 class Calls(RuleBasedStateMachine):
-    """A VectorEnv, and beside it for each row a single environment with the count that a limit on its steps needs."""
+    """A VectorEnv, and beside it for each row a single environment with the count that a limit on
+    its steps needs.
+    """
 
     env_id, choice, mode = PUSH, NOISY, AutoresetMode.NEXT_STEP
 
@@ -92,7 +125,8 @@ class Calls(RuleBasedStateMachine):
     def reset(self, seed, unseeded, mask, options, pose):
         options = options if self.motion else pose
         rows = np.flatnonzero(np.ones(ROWS) if mask is None else mask)
-        seed = None if unseeded and self.seeded[rows].all() else seed  # what the system draws cannot be compared
+        # what the system draws cannot be compared
+        seed = None if unseeded and self.seeded[rows].all() else seed
         asked = {**options, **({} if mask is None else {"reset_mask": mask})}
         given = copy.deepcopy(asked)
         observation, info = self.envs.reset(seed=seed, options=asked)
@@ -114,10 +148,14 @@ class Calls(RuleBasedStateMachine):
             with pytest.raises(InvalidActionError, match="have ended"):
                 self.envs.step(actions)
             return
-        self.compare(self.envs.step(actions), [self.advance(row, actions[row]) for row in range(ROWS)])
+        self.compare(
+            self.envs.step(actions), [self.advance(row, actions[row]) for row in range(ROWS)]
+        )
 
     def advance(self, row, action):
-        """One step of a single environment and, as the mode has it, the beginning of its next episode."""
+        """One step of a single environment and, as the mode has it, the beginning of its next
+        episode.
+        """
         if self.ended[row]:  # NEXT_STEP: the action is ignored
             return (*self.begin(row), 0.0, False, False, None)
         observation, reward, terminated, truncated, info = self.singles[row].step(action)
@@ -192,7 +230,9 @@ class Calls(RuleBasedStateMachine):
         for env in (self.envs, *self.singles):
             for options in (bad, {"nothing": 1}):
                 for seed in (3, None):
-                    with pytest.raises((InvalidStateError, InvalidParameterError, UnknownNameError)):
+                    with pytest.raises(
+                        (InvalidStateError, InvalidParameterError, UnknownNameError)
+                    ):
                         env.reset(seed=seed, options=options)
         if state is not None:
             assert same_states(state, self.envs.get_state())

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from piec_envs.errors import InvalidParameterError, UnknownNameError
-from piec_envs.wrappers import MISMATCHES, DynamicsMismatch, FrictionMismatch, Mismatch, ShapeMismatch, VectorMismatch
+from piec_envs.wrappers import (
+    MISMATCHES,
+    DynamicsMismatch,
+    FrictionMismatch,
+    Mismatch,
+    ShapeMismatch,
+    VectorMismatch,
+)
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 VALUES = {
@@ -89,7 +96,11 @@ def test_an_env_without_a_plant_refuses_mismatches(wrapper):
 
 
 def test_randomize_draws_from_the_seed_and_reports():
-    drawn = {"friction": [0.2, 0.8], "object": ["circle", "square"], "dynamics": ["mujoco", "quasi_dynamic"]}
+    drawn = {
+        "friction": [0.2, 0.8],
+        "object": ["circle", "square"],
+        "dynamics": ["mujoco", "quasi_dynamic"],
+    }
     envs = gym.make_vec(PUSH, num_envs=40, randomize=drawn, escape_field=None)
     first, second = drawn_params(envs, 1), drawn_params(envs, 1)
     np.testing.assert_array_equal(first["friction"], second["friction"])
@@ -111,13 +122,19 @@ def test_mass_and_delay_are_injected_as_all_others():
 
 
 def test_what_is_drawn_and_what_is_injected_are_judged_together():
-    """A delay that is drawn suits MuJoCo alone: as drawn with it, or injected with the same reset."""
-    drawn = gym.make(PUSH, escape_field=None, randomize={"dynamics": ["mujoco"], "delay": [0.01, 0.09]})
+    """A delay that is drawn suits MuJoCo alone: as drawn with it, or injected with the same
+    reset.
+    """
+    drawn = gym.make(
+        PUSH, escape_field=None, randomize={"dynamics": ["mujoco"], "delay": [0.01, 0.09]}
+    )
     delays = [drawn_params(drawn, seed)["delay"] for seed in range(5)]
     assert len(set(delays)) == 5 and all(0.01 <= delay <= 0.09 for delay in delays)
     with pytest.raises(InvalidParameterError, match="delay must be 0"):
         drawn.reset(options={"params": {"dynamics": "quasi_dynamic"}})
-    delayed = gym.make(PUSH, escape_field=None, dynamics="mujoco", randomize={"delay": [0.01, 0.09]})
+    delayed = gym.make(
+        PUSH, escape_field=None, dynamics="mujoco", randomize={"delay": [0.01, 0.09]}
+    )
     DynamicsMismatch(delayed, dynamics="quasi_dynamic")  # fits until a delay is drawn
     with pytest.raises(InvalidParameterError, match="delay must be 0"):
         delayed.reset(seed=0)

@@ -1,4 +1,6 @@
-"""Rows whose step has no answer, or none that can be believed, rest in their last good state and say so."""
+"""Rows whose step has no answer, or none that can be believed, rest in their last good state and
+say so.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def test_a_row_is_held_from_the_step_before(k):
     for field in ("q_r", "q_cmd", "pose", "link_distance", "contact"):
         found, true = getattr(motion, field), getattr(before, field)
         np.testing.assert_array_equal(found[1, :k], true[1, :k])
-        np.testing.assert_array_equal(found[1, k:], np.repeat(true[1, k - 1 : k], STEPS + 1 - k, axis=0))
+        np.testing.assert_array_equal(
+            found[1, k:], np.repeat(true[1, k - 1 : k], STEPS + 1 - k, axis=0)
+        )
         np.testing.assert_array_equal(found[[0, 2]], true[[0, 2]])  # the others are as they were
     assert motion.diverged[1].tolist() == [t >= k for t in range(STEPS + 1)]
     assert not motion.diverged[[0, 2]].any()
@@ -120,17 +124,25 @@ def test_a_jam_no_lead_can_open_moves_nothing_far(model, options):
 def test_an_object_beyond_its_bound_has_diverged(name):
     pose = np.array([[0.0, POSITION_LIMIT - 0.01, 0.0]])
     w = np.repeat([[[0.0, 0.004]]], 5, axis=1)
-    commands, plant = Commands(np.zeros((1, 5, 4)), displacement=w), Plant("planar_arm", ["circle"], np.array([0.5]))
+    commands, plant = (
+        Commands(np.zeros((1, 5, 4)), displacement=w),
+        Plant("planar_arm", ["circle"], np.array([0.5])),
+    )
     q = np.zeros((1, 4))
     motion = DYNAMICS[name].made(DynamicsOptions()).rollout(q, q, pose, commands, plant)
     assert motion.diverged[0].tolist() == [False] * 3 + [True] * 3
-    np.testing.assert_allclose(motion.pose[0, :, 1], pose[0, 1] + np.array([0, 0.004, 0.008, 0.008, 0.008, 0.008]))
+    np.testing.assert_allclose(
+        motion.pose[0, :, 1], pose[0, 1] + np.array([0, 0.004, 0.008, 0.008, 0.008, 0.008])
+    )
 
 
 def test_an_object_thrown_under_mujoco_has_diverged():
     """The engine simulates it without a warning; nothing in the scene could have done it."""
     dynamics, q, pose = MujocoDynamics(), np.zeros((1, 4)), np.array([[0.6, 0.4, 0.0]])
-    plant, commands = Plant("planar_arm", ["circle"], np.array([0.5])), Commands(np.zeros((1, 2, 4)))
+    plant, commands = (
+        Plant("planar_arm", ["circle"], np.array([0.5])),
+        Commands(np.zeros((1, 2, 4))),
+    )
     memory = dynamics.rollout(q, q, pose, commands, plant).memory
     start = memory[0][1:5][None], q, np.array([[*memory[0][5:7], 0.0]])
     for speed, thrown in ((0.5 * LARGEST_MOVE / 0.1, False), (2 * LARGEST_MOVE / 0.1, True)):
@@ -143,6 +155,8 @@ def test_an_object_thrown_under_mujoco_has_diverged():
 
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 def test_a_posture_that_overlaps_the_object_is_refused(dynamics):
-    with pytest.raises(InvalidParameterError, match=r"start=.*overlaps the object 'three_discs'.* mm; at most 1 mm"):
+    with pytest.raises(
+        InvalidParameterError, match=r"start=.*overlaps the object 'three_discs'.* mm; at most 1 mm"
+    ):
         gym.make(PUSH, start=(0.35, 0.1, 0.1, 0.1), dynamics=dynamics, **PAPER)
     gym.make(PUSH, start=(-0.35, 0.1, 0.1, 0.1), dynamics=dynamics, **PAPER)

@@ -1,4 +1,6 @@
-"""Loose bodies beside an object: where they start, that they push and are pushed, and what is remembered."""
+"""Loose bodies beside an object: where they start, that they push and are pushed, and what is
+remembered.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def test_they_start_beside_the_object_and_rest(name):
     x, y, angle = item.loose[0].pose
     c, s = np.cos(pose[2]), np.sin(pose[2])
     start = np.array([pose[0] + c * x - s * y, pose[1] + s * x + c * y])
-    np.testing.assert_allclose(roll_of(env.get_state().memory[0]), [*start, 0.11 - SUNK], atol=1e-12)
+    np.testing.assert_allclose(
+        roll_of(env.get_state().memory[0]), [*start, 0.11 - SUNK], atol=1e-12
+    )
     np.testing.assert_allclose(poses_at_start(item, pose)[1], [*start, pose[2] + angle], atol=1e-12)
     for _ in range(20):
         env.step(np.zeros(4))
@@ -53,7 +57,11 @@ def test_they_start_beside_the_object_and_rest(name):
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_the_state_is_the_engines(name):
-    model, item, pose = mujoco_model("planar_arm", name, 0.5), get_object(name), np.array([-0.5, 0.6, 0.7])
+    model, item, pose = (
+        mujoco_model("planar_arm", name, 0.5),
+        get_object(name),
+        np.array([-0.5, 0.6, 0.7]),
+    )
     state = rest_state(item, np.zeros(4), poses_at_start(item, pose))
     assert len(state) == mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     data = mujoco.MjData(model)
@@ -66,7 +74,11 @@ def test_the_state_is_the_engines(name):
 def test_each_pair_has_its_own_friction():
     model = mujoco_model("planar_arm", BETWEEN, 0.15)
     pairs = {model.pair(k).name: model.pair_friction[k, 0] for k in range(model.npair)}
-    wanted = {f"link {k} shape 0 on {body} shape 0": 0.15 for k in (1, 2, 3, 4) for body in ("object", "loose 1")}
+    wanted = {
+        f"link {k} shape 0 on {body} shape 0": 0.15
+        for k in (1, 2, 3, 4)
+        for body in ("object", "loose 1")
+    }
     wanted |= {f"table on {body} shape 0": TABLE_FRICTION for body in ("object", "loose 1")}
     assert pairs == {**wanted, "object shape 0 on loose 1 shape 0": OBJECT_FRICTION}
     assert model.body("loose 1").mass[0] == pytest.approx(0.1)
@@ -90,7 +102,8 @@ def test_a_roll_behind_the_object_is_pushed_and_pushes_back():
     assert 1e-3 < np.abs(behind.pose[0, -1] - alone.pose[0, -1]).max() < 0.1
     x, y, angle = behind.pose[0, -1]
     above = (roll[:2] - (x, y)) @ (-np.sin(angle), np.cos(angle))  # along the box's short side
-    assert 0.16 - 5e-4 < above < 0.17 and roll[2] == pytest.approx(0.11, abs=1e-3)  # neither inside nor toppled
+    # neither inside nor toppled
+    assert 0.16 - 5e-4 < above < 0.17 and roll[2] == pytest.approx(0.11, abs=1e-3)
 
 
 def test_rows_do_not_depend_on_their_neighbours():
@@ -98,7 +111,9 @@ def test_rows_do_not_depend_on_their_neighbours():
     actions = np.zeros((4, 15, 4))
     actions[:, :, 0] = [[1.0], [1.0], [1.0], [0.6]]
     q = np.zeros((4, 4))
-    together = MujocoDynamics().rollout(q, q, np.repeat(ABOVE, 4, axis=0), Commands(actions), plant_of(*names))
+    together = MujocoDynamics().rollout(
+        q, q, np.repeat(ABOVE, 4, axis=0), Commands(actions), plant_of(*names)
+    )
     for i, name in enumerate(names):
         alone = sweep(name, steps=15, speed=actions[i, 0, 0])
         np.testing.assert_array_equal(together.memory[i], alone.memory[0])
@@ -106,11 +121,14 @@ def test_rows_do_not_depend_on_their_neighbours():
 
 
 def test_overlaps_of_the_roll_are_relaxed():
-    """Of a roll with the arm by 6 mm, which pushes it against the box; the box itself is clear of the arm."""
+    """Of a roll with the arm by 6 mm, which pushes it against the box; the box itself is clear of
+    the arm.
+    """
     pose, dynamics = ABOVE - [[0.0, 0.01, 0.0]], MujocoDynamics()
     (settled,), (memory,) = dynamics.settle(START, pose, plant_of(BETWEEN))
     roll, angle = roll_of(memory), settled[2]
-    below = np.sin(angle) * (roll[0] - settled[0]) - np.cos(angle) * (roll[1] - settled[1])  # in the box's frame
+    # in the box's frame
+    below = np.sin(angle) * (roll[0] - settled[0]) - np.cos(angle) * (roll[1] - settled[1])
     assert roll[1] - 0.05 - 0.05 >= -1.1e-4 and below - 0.05 - 0.11 >= -1.1e-4
     assert 1e-3 < settled[1] - pose[0, 1] < 0.01 and abs(settled[0] - pose[0, 0]) < 2e-3
     assert -0.05 < angle < -1e-3  # the roll stands left of the middle and turns the box clockwise
@@ -136,7 +154,9 @@ PLANTS = [
 ]
 
 
-@pytest.mark.parametrize(("choice", "pose"), [(PLANTS[0], ABOVE[0]), (PLANTS[1], [0.6, 0.162, 0.0])], ids=str)
+@pytest.mark.parametrize(
+    ("choice", "pose"), [(PLANTS[0], ABOVE[0]), (PLANTS[1], [0.6, 0.162, 0.0])], ids=str
+)
 def test_stepping_rollouts_and_restored_states_agree(choice, pose):
     env = gym.make(PUSH, dynamics="mujoco", escape_field=None, **choice).unwrapped
     other = gym.make(PUSH, dynamics="mujoco", escape_field=None, **choice).unwrapped

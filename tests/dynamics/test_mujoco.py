@@ -1,4 +1,6 @@
-"""What is MuJoCo's alone: the model beside our geometry, friction, displacements, overlaps, instability."""
+"""What is MuJoCo's alone: the model beside our geometry, friction, displacements, overlaps,
+instability.
+"""
 
 from __future__ import annotations
 
@@ -39,10 +41,14 @@ def geoms(model, body) -> list[int]:
 
 @every_object
 def test_distances_and_normals_agree_with_mujoco(object_name):
-    """1,000 random states: each link's distance, and the direction of the nearest one's closest points."""
-    rng, model, scene = np.random.default_rng(0), mujoco_model("planar_arm", object_name, 0.5), pack_scene(
-        "planar_arm", object_name
-    )  # fmt: skip
+    """1,000 random states: each link's distance, and the direction of the nearest one's closest
+    points.
+    """
+    rng, model, scene = (
+        np.random.default_rng(0),
+        mujoco_model("planar_arm", object_name, 0.5),
+        pack_scene("planar_arm", object_name),
+    )
     height, ours, ends = get_object(object_name).height, np.empty(4), np.empty(6)
     parts, checked = geoms(model, "object"), 0
     for _ in range(1000):
@@ -64,9 +70,20 @@ def test_distances_and_normals_agree_with_mujoco(object_name):
 
 @pytest.mark.parametrize("object_name", ["water_jug", "box"])
 def test_the_panda_is_its_meshes(object_name):
-    """1,000 random states of the Panda beside an object, where the closest points are level with it."""
-    model, robot, item = mujoco_model("franka", object_name, 0.5), get_robot("franka"), get_object(object_name)
-    rng, scene, ours, ends = np.random.default_rng(0), pack_scene("franka", object_name), np.empty(9), np.empty(6)
+    """1,000 random states of the Panda beside an object, where the closest points are level with
+    it.
+    """
+    model, robot, item = (
+        mujoco_model("franka", object_name, 0.5),
+        get_robot("franka"),
+        get_object(object_name),
+    )
+    rng, scene, ours, ends = (
+        np.random.default_rng(0),
+        pack_scene("franka", object_name),
+        np.empty(9),
+        np.empty(6),
+    )
     (part,), checked, worst = geoms(model, "object"), 0, 0.0
     while checked < 1000:
         q = rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"))
@@ -100,16 +117,22 @@ def outward(scene, q, pose, link) -> np.ndarray:
 
 def angle_between(a, b) -> float:
     """Degrees."""
-    return float(np.degrees(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))))
+    return float(
+        np.degrees(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1)))
+    )
 
 
 @every_object
 def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
     """Objects that overlap a link by half a millimetre, turned by every angle.
 
-    Where a link lies within six degrees along a mesh's face, MuJoCo makes two contacts with that face's normal.
+    Where a link lies within six degrees along a mesh's face, MuJoCo makes two contacts with that
+    face's normal.
     """
-    model, scene = mujoco_model("planar_arm", object_name, 0.35), pack_scene("planar_arm", object_name)
+    model, scene = (
+        mujoco_model("planar_arm", object_name, 0.35),
+        pack_scene("planar_arm", object_name),
+    )
     height, distances, seen = get_object(object_name).height, np.empty(4), 0
     for angle in np.linspace(-np.pi, np.pi, 24):
         q, pose = np.zeros(4), np.array([0.6, 0.4, angle])
@@ -146,14 +169,24 @@ def test_model_is_the_scene():
 
 @pytest.mark.parametrize(("sigma", "rows"), [(0.0, 24), (0.005, 8)])
 def test_random_actions_hold_the_penetration(random_motion, sigma, rows):
-    """Random actions held for 50 to 200 steps: 10,000 control steps without displacements, and some with them."""
+    """Random actions held for 50 to 200 steps: 10,000 control steps without displacements, and some
+    with them.
+    """
     steps, contact, depth = 0, 0, 0.0
     for seed, object_name in enumerate(RIGID):
-        motion = random_motion(object_name, rows=rows, steps=120, seed=seed, sigma=sigma, dynamics=MujocoDynamics())
+        motion = random_motion(
+            object_name, rows=rows, steps=120, seed=seed, sigma=sigma, dynamics=MujocoDynamics()
+        )
         assert not motion.diverged.any()
-        steps, contact = steps + motion.actions[..., 0].size, contact + motion.contact[:, 1:].any(axis=2).sum()
+        steps, contact = (
+            steps + motion.actions[..., 0].size,
+            contact + motion.contact[:, 1:].any(axis=2).sum(),
+        )
         depth = max(depth, float(-motion.link_distance.min()))
-    print(f"\n{steps} control steps, in contact {contact / steps:.1%}, penetration at most {1e3 * depth:.3f} mm")
+    print(
+        f"\n{steps} control steps, in contact {contact / steps:.1%}, penetration at most "
+        f"{1e3 * depth:.3f} mm"
+    )
     assert steps >= 420 * rows and contact / steps >= 0.25 and depth < 3e-3
 
 
@@ -177,14 +210,21 @@ def test_a_displacement_is_cut_at_the_first_contact():
 
 @every_object
 def test_an_overlap_is_relaxed_before_the_clock_starts(object_name):
-    below = max(float((shape.radius - shape.vertices[:, 1]).max()) for shape in get_object(object_name).shapes)
+    below = max(
+        float((shape.radius - shape.vertices[:, 1]).max())
+        for shape in get_object(object_name).shapes
+    )
     reach = 0.05 + below - 0.01
     q, pose = np.zeros((2, 4)), np.array([[0.6, reach, 0.0], [0.6, 0.5, 0.0]])
     plant = plant_of(object_name, 2)
     dynamics = MujocoDynamics()
     settled, memory = dynamics.settle(q, pose, plant)
     assert [len(row) for row in memory] == [0, 0]  # a state of rest says everything
-    depth = -dynamics.rollout(q, q, settled, Commands(np.zeros((2, 0, 4))), plant).link_distance[0].min()
+    depth = (
+        -dynamics.rollout(q, q, settled, Commands(np.zeros((2, 0, 4))), plant)
+        .link_distance[0]
+        .min()
+    )
     assert depth <= 1e-4 and np.hypot(*(settled - pose)[0, :2]) < 0.03
     np.testing.assert_array_equal(settled[1], pose[1])
     calm = dynamics.rollout(q, q, settled, Commands(np.zeros((2, 20, 4))), plant)
@@ -215,7 +255,8 @@ def test_an_instability_ends_the_row():
     observation, reward, terminated, truncated, info = env.step(np.ones(4))
     assert truncated and not terminated and info["diverged"] and not info["is_success"]
     assert observation in env.observation_space and np.isfinite(reward)
-    np.testing.assert_array_equal(env.unwrapped.get_state().pose, before.pose)  # its last good state
+    # its last good state
+    np.testing.assert_array_equal(env.unwrapped.get_state().pose, before.pose)
     assert env.step(np.ones(4))[4]["diverged"]  # it rests until reset
     assert not env.reset(seed=0)[1]["diverged"]
     assert not env.step(np.ones(4))[3]
@@ -243,7 +284,9 @@ def test_a_rollout_holds_what_diverged():
     rollout = env.rollout(bad, controls=np.ones((2, 5, 4)))
     assert rollout.motion.diverged[:, 1:].all() and not rollout.motion.diverged[:, 0].any()
     assert rollout.final.diverged.all()
-    np.testing.assert_array_equal(rollout.motion.pose, np.repeat(bad.pose[None], 6, axis=1).repeat(2, axis=0))
+    np.testing.assert_array_equal(
+        rollout.motion.pose, np.repeat(bad.pose[None], 6, axis=1).repeat(2, axis=0)
+    )
     assert np.isfinite(rollout.measures).all()
 
 

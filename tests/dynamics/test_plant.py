@@ -1,4 +1,6 @@
-"""Friction, mass and delay of a plant under MuJoCo, and what the quasi-dynamic model makes of them."""
+"""Friction, mass and delay of a plant under MuJoCo, and what the quasi-dynamic model makes
+of them.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot
 
 AWAY = np.array([[-0.9, -0.6, 0.3]])
-FREE = np.repeat(np.array([[0.3, -0.2, 0.25, -0.3], [-0.1, 0.3, -0.2, 0.1]]), 6, axis=0)[None]  # (1, 12, 4)
+# (1, 12, 4)
+FREE = np.repeat(np.array([[0.3, -0.2, 0.25, -0.3], [-0.1, 0.3, -0.2, 0.1]]), 6, axis=0)[None]
 
 
 def plant_of(object_name="circle", mass=(1.0,), delay=(0.0,)) -> Plant:
@@ -32,13 +35,18 @@ def arrays(model) -> dict[str, np.ndarray]:
     found = {}
     for part, prefix in ((model, ""), (model.stat, "stat."), (model.opt, "opt.")):
         values = {name: getattr(part, name) for name in dir(part) if not name.startswith("_")}
-        found |= {prefix + name: np.asarray(v) for name, v in values.items() if isinstance(v, int | float | np.ndarray)}
+        found |= {
+            prefix + name: np.asarray(v)
+            for name, v in values.items()
+            if isinstance(v, int | float | np.ndarray)
+        }
     return found
 
 
 @pytest.mark.parametrize("mass", [1.0, 2.5])
 @pytest.mark.parametrize(
-    ("robot", "object_name"), [("planar_arm", "paper_pack"), ("planar_arm", "a4_box_roll_1"), ("franka", "box")]
+    ("robot", "object_name"),
+    [("planar_arm", "paper_pack"), ("planar_arm", "a4_box_roll_1"), ("franka", "box")],
 )
 def test_a_changed_copy_is_the_compiled_model(robot, object_name, mass):
     item = get_object(object_name)
@@ -69,15 +77,22 @@ def test_a_changed_copy_moves_as_the_compiled_model(mass):
             np.testing.assert_array_equal(data.contact.friction[arm, :2], 0.35)
             seen += arm.sum()
         ends.append(data.qpos.copy())
-    np.testing.assert_allclose(ends[0], ends[1], atol=1e-6 if mass != 1.0 else 0)  # to the solver's tolerance
+    # to the solver's tolerance
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-6 if mass != 1.0 else 0)
     assert seen > 100 and ends[0][5] > 0.2
 
 
 def test_variants_do_not_touch_each_other():
-    light, heavy = mujoco_model("planar_arm", "square", 0.2, 0.5), mujoco_model("planar_arm", "square", 0.7, 2.0)
+    light, heavy = (
+        mujoco_model("planar_arm", "square", 0.2, 0.5),
+        mujoco_model("planar_arm", "square", 0.7, 2.0),
+    )
     for model, friction, mass in ((light, 0.2, 0.5), (heavy, 0.7, 2.0)):
         pairs = {model.pair(k).name: model.pair_friction[k, 0] for k in range(model.npair)}
-        assert pairs["link 2 shape 0 on object shape 0"] == friction and pairs["table on object shape 0"] == 0.3
+        assert (
+            pairs["link 2 shape 0 on object shape 0"] == friction
+            and pairs["table on object shape 0"] == 0.3
+        )
         assert model.body("object").mass[0] == pytest.approx(0.5 * mass)
 
 
@@ -91,7 +106,9 @@ def sweep(mass, x, speed, steps):
 
 
 def test_a_heavier_object_takes_the_same_way_and_more_torque():
-    """Slowly pushed, it slides under Coulomb's friction alone: the drive lags in proportion to its weight."""
+    """Slowly pushed, it slides under Coulomb's friction alone: the drive lags in proportion to its
+    weight.
+    """
     motion = sweep([1.0, 2.0, 3.0], x=0.5, speed=0.2, steps=150)
     moved = motion.pose[:, -1] - motion.pose[:, 0]
     assert (moved[:, 1] > 0.05).all()
@@ -109,7 +126,9 @@ def test_a_heavier_object_is_moved_less_far_and_one_too_heavy_stays():
 
 def test_rows_without_mass_and_delay_are_nominal():
     q, commands = np.zeros((1, 4)), Commands(FREE)
-    plain = MujocoDynamics().rollout(q, q, AWAY, commands, Plant("planar_arm", ["circle"], np.array([0.5])))
+    plain = MujocoDynamics().rollout(
+        q, q, AWAY, commands, Plant("planar_arm", ["circle"], np.array([0.5]))
+    )
     named = MujocoDynamics().rollout(q, q, AWAY, commands, plant_of())
     np.testing.assert_array_equal(plain.memory[0], named.memory[0])
 
@@ -122,7 +141,8 @@ def test_a_delay_holds_the_command_before(late):
     model = mujoco_model("planar_arm", "circle", 0.5)
     data = mujoco.MjData(model)
     data.qpos[4:] = motion.memory[0][5:12]
-    commands = np.repeat(motion.q_cmd[0], ENGINE_STEPS, axis=0)  # each before its step, from the first on
+    # each before its step, from the first on
+    commands = np.repeat(motion.q_cmd[0], ENGINE_STEPS, axis=0)
     for t in range(FREE.shape[1]):
         for m in range(ENGINE_STEPS):
             data.ctrl[:] = commands[ENGINE_STEPS * (t + 1) + m - late]
@@ -133,7 +153,11 @@ def test_a_delay_holds_the_command_before(late):
 def test_a_delay_of_a_step_shifts_the_motion_by_a_step():
     q = np.zeros((3, 4))
     motion = MujocoDynamics().rollout(
-        q, q, np.repeat(AWAY, 3, axis=0), Commands(np.repeat(FREE, 3, axis=0)), plant_of(delay=[0.0, 0.1, 0.0301])
+        q,
+        q,
+        np.repeat(AWAY, 3, axis=0),
+        Commands(np.repeat(FREE, 3, axis=0)),
+        plant_of(delay=[0.0, 0.1, 0.0301]),
     )
     np.testing.assert_array_equal(motion.q_cmd, motion.q_cmd[[0, 0, 0]])
     np.testing.assert_allclose(motion.q_r[1, 1:], motion.q_r[0, :-1], atol=1e-9)
@@ -143,14 +167,26 @@ def test_a_delay_of_a_step_shifts_the_motion_by_a_step():
 
 
 def test_rows_keep_their_mass_and_delay_beside_other_dynamics():
-    mass, delay, names = np.array([1.0, 3.0, 3.0]), np.array([0.0, 0.1, 0.0]), ["quasi_dynamic", "mujoco", "mujoco"]
+    mass, delay, names = (
+        np.array([1.0, 3.0, 3.0]),
+        np.array([0.0, 0.1, 0.0]),
+        ["quasi_dynamic", "mujoco", "mujoco"],
+    )
     q, pose = np.zeros((3, 4)), np.tile([0.5, 0.126, 0.0], (3, 1))
     commands = Commands(np.repeat(FREE, 3, axis=0))
     mixed = DynamicsByRow().rollout(
-        q, q, pose, commands, Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5), names, mass, delay)
+        q,
+        q,
+        pose,
+        commands,
+        Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5), names, mass, delay),
     )
     alone = MujocoDynamics().rollout(
-        q[1:], q[1:], pose[1:], Commands(commands.values[1:]), plant_of(mass=[3.0] * 2, delay=[0.1, 0.0])
+        q[1:],
+        q[1:],
+        pose[1:],
+        Commands(commands.values[1:]),
+        plant_of(mass=[3.0] * 2, delay=[0.1, 0.0]),
     )
     np.testing.assert_array_equal(mixed.q_r[1:], alone.q_r)
     np.testing.assert_array_equal(mixed.pose[1:], alone.pose)
@@ -159,7 +195,11 @@ def test_rows_keep_their_mass_and_delay_beside_other_dynamics():
 
 
 def test_the_quasi_dynamic_model_knows_no_mass_and_refuses_a_delay():
-    q, pose, commands = np.zeros((2, 4)), np.tile([0.6, 0.2, 0.0], (2, 1)), Commands(np.repeat(FREE, 2, axis=0))
+    q, pose, commands = (
+        np.zeros((2, 4)),
+        np.tile([0.6, 0.2, 0.0], (2, 1)),
+        Commands(np.repeat(FREE, 2, axis=0)),
+    )
     motion = QuasiDynamics().rollout(q, q, pose, commands, plant_of(mass=[1.0, 3.0]))
     np.testing.assert_array_equal(motion.pose[0], motion.pose[1])
     for plant, message in (

@@ -31,7 +31,9 @@ def solve_fast(problem: ContactProblem, guess: bool = True) -> ContactSolution:
     value = problem.rows @ problem.free + problem.gap
     solve_dual(problem.rows, m, problem.compliance, value, guess, dual)
     multipliers = dual.multipliers
-    return ContactSolution(problem.free + problem.rows.T @ multipliers / problem.weight, multipliers)
+    return ContactSolution(
+        problem.free + problem.rows.T @ multipliers / problem.weight, multipliers
+    )
 
 
 @pytest.mark.slow
@@ -52,7 +54,9 @@ def test_fast_equals_osqp(object_name, random_motion):
         np.testing.assert_allclose(solve_fast(problem, guess=False).step, fast.step, atol=1e-12)
         np.testing.assert_allclose(fast.step, reference.step, atol=1e-9)
         assert problem.residual(fast) < 1e-12
-        taken = np.concatenate([motion.q_r[i, t + 1] - motion.q_r[i, t], motion.pose[i, t + 1] - motion.pose[i, t]])
+        taken = np.concatenate(
+            [motion.q_r[i, t + 1] - motion.q_r[i, t], motion.pose[i, t + 1] - motion.pose[i, t]]
+        )
         np.testing.assert_allclose(taken, fast.step, atol=1e-12)
 
 
@@ -62,8 +66,12 @@ def test_fast_satisfies_kkt_on_any_problem(data):
     d, m = 7, data.draw(st.integers(1, 16))
     entries = st.floats(-1, 1).map(lambda v: round(v, 3))
     rows = data.draw(hnp.arrays(float, (m, d), elements=entries))
-    gap = data.draw(hnp.arrays(float, m, elements=st.floats(-0.01, 0.01).map(lambda v: round(v, 5))))
-    free = data.draw(hnp.arrays(float, d, elements=st.floats(-0.02, 0.02).map(lambda v: round(v, 5))))
+    gap = data.draw(
+        hnp.arrays(float, m, elements=st.floats(-0.01, 0.01).map(lambda v: round(v, 5)))
+    )
+    free = data.draw(
+        hnp.arrays(float, d, elements=st.floats(-0.02, 0.02).map(lambda v: round(v, 5)))
+    )
     weight = np.array([500.0] * 4 + [100.0, 100.0, 42.0])
     rows[np.abs(rows).sum(axis=1) < 0.1] = 0.5  # a contact row is never zero
     problem = ContactProblem(weight, free, rows, gap, 1e-4)
@@ -73,7 +81,9 @@ def test_fast_satisfies_kkt_on_any_problem(data):
 
 def test_rollout_with_osqp_equals_fast(random_motion):
     fast = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003)
-    reference = random_motion("square", rows=4, steps=80, seed=5, sigma=0.003, dynamics=QuasiDynamics("osqp"))
+    reference = random_motion(
+        "square", rows=4, steps=80, seed=5, sigma=0.003, dynamics=QuasiDynamics("osqp")
+    )
     np.testing.assert_allclose(fast.pose, reference.pose, atol=1e-6)
     np.testing.assert_allclose(fast.q_r, reference.q_r, atol=1e-6)
     np.testing.assert_array_equal(fast.contact, reference.contact)
@@ -91,7 +101,9 @@ def test_motion_keeps_its_laws(object_name, sigma, random_motion):
     assert (np.abs(np.diff(motion.q_r, axis=1)) <= lead + 1e-12).all()
     assert (np.abs(motion.q_cmd[:, 1:] - motion.q_r[:, :-1]) <= lead + 1e-12).all()
     commands = motion.q_cmd[:, 1:]
-    assert (commands >= ROBOT.joint_array("lower")).all() and (commands <= ROBOT.joint_array("upper")).all()
+    assert (commands >= ROBOT.joint_array("lower")).all() and (
+        commands <= ROBOT.joint_array("upper")
+    ).all()
     if sigma == 0:
         untouched = motion.active[:, 1:] == 0
         moved = (motion.pose[:, 1:] != motion.pose[:, :-1]).any(axis=2)
@@ -155,7 +167,10 @@ def test_paper_preset_winds_up_and_default_does_not():
     plant = Plant("planar_arm", ["circle"], np.array([0.5]))
     commands = Commands(np.tile([0.0, 1.0, 1.0, 1.0], (1, 500, 1)))
     leads = {}
-    for name, model in (("default", ContactModel()), ("paper", PAPER_MODEL._replace(compliance=1e-4))):
+    for name, model in (
+        ("default", ContactModel()),
+        ("paper", PAPER_MODEL._replace(compliance=1e-4)),
+    ):
         motion = QuasiDynamics(model=model).rollout(q, q, pose, commands, plant)
         leads[name] = np.abs(motion.q_cmd - motion.q_r).max()
     assert leads["default"] < 0.02
@@ -163,7 +178,11 @@ def test_paper_preset_winds_up_and_default_does_not():
 
 
 def test_arrays_that_do_not_fit_are_refused():
-    q, pose, plant = np.zeros((3, 4)), np.zeros((3, 3)), Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5))
+    q, pose, plant = (
+        np.zeros((3, 4)),
+        np.zeros((3, 3)),
+        Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5)),
+    )
     good = Commands(np.zeros((3, 5, 4)))
     for arrays in (
         (q[:2], q, pose, good, plant),
@@ -185,8 +204,14 @@ def test_bad_arguments():
 
 
 def test_with_its_own_inertia_an_object_turns_with_the_face_that_pushes_it():
-    """A link pushes the long side of a box: under MuJoCo the two stay face to face, with the paper's entry not."""
-    q, pose, commands = np.zeros((1, 4)), np.array([[1.1, 0.17, 0.0]]), Commands(np.tile([1.0, 0, 0, 0], (1, 100, 1)))
+    """A link pushes the long side of a box: under MuJoCo the two stay face to face, with the
+    paper's entry not.
+    """
+    q, pose, commands = (
+        np.zeros((1, 4)),
+        np.array([[1.1, 0.17, 0.0]]),
+        Commands(np.tile([1.0, 0, 0, 0], (1, 100, 1))),
+    )
     behind = {}
     for name, dynamics, inertia in (
         ("mujoco", MujocoDynamics(), "paper"),

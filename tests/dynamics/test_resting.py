@@ -24,7 +24,9 @@ def test_no_object_turns_or_moves_by_itself():
     motion = MujocoDynamics().rollout(q, q, pose, Commands(np.zeros((rows, STEPS, 4))), plant)
     moved = np.abs(motion.pose - POSE).max(axis=1) * EPISODE / STEPS  # (rows, 3)
     assert dict(zip(OBJECTS, moved[:, 2] < 1e-4, strict=True)) == dict.fromkeys(OBJECTS, True)
-    assert dict(zip(OBJECTS, moved[:, :2].max(axis=1) < 1e-5, strict=True)) == dict.fromkeys(OBJECTS, True)
+    assert dict(zip(OBJECTS, moved[:, :2].max(axis=1) < 1e-5, strict=True)) == dict.fromkeys(
+        OBJECTS, True
+    )
 
 
 @pytest.mark.parametrize("name", OBJECTS)
@@ -38,6 +40,8 @@ def test_an_object_begins_in_contact_with_the_table(name):
         mujoco.mj_forward(model, data)
         np.testing.assert_allclose(data.contact.dist, -SUNK, atol=1e-8)
         assert RAISED > 3 * SUNK
-        below = data.contact.pos[(model.geom_bodyid[data.contact.geom] == model.body("object").id).any(axis=1), :2]
+        below = data.contact.pos[
+            (model.geom_bodyid[data.contact.geom] == model.body("object").id).any(axis=1), :2
+        ]
         np.testing.assert_allclose(below.mean(axis=0), POSE[:2], atol=5e-3)
         assert len(below) >= 3 and np.linalg.norm(below - POSE[:2], axis=1).min() > 0.02

@@ -1,4 +1,6 @@
-"""The rigid model, whose rows often depend on each other: the compiled solver against OSQP and linear programming."""
+"""The rigid model, whose rows often depend on each other: the compiled solver against OSQP and
+linear programming.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,13 @@ from piec_envs.world.robots import get_robot
 SOLVERS = ("fast", "osqp")
 FRANKAS = ("mobile_franka_capsules", "franka_capsules")  # whose polygons pinch a box
 PINCHED = {
-    "q_r": (0.4065530000000003, 0.2885110000000011, -0.7040409999999515, -2.018202471050112, 0.7834921610832165),
+    "q_r": (
+        0.4065530000000003,
+        0.2885110000000011,
+        -0.7040409999999515,
+        -2.018202471050112,
+        0.7834921610832165,
+    ),
     "q_cmd": (0.406553, 0.288511, -0.704041, -3.0718, -0.0175),
     "pose": (0.3954421250684628, 0.039333869530638145, 0.49733155046514804),
 }
@@ -39,12 +47,17 @@ def solve_fast(problem: ContactProblem) -> ContactSolution:
 
 
 def least_violation(problem: ContactProblem) -> float:
-    """Least slack with which some step meets all constraints, m: 0 where the problem has a solution."""
+    """Least slack with which some step meets all constraints, m: 0 where the problem has a
+    solution.
+    """
     m, d = problem.rows.shape
     found = linprog(
-        np.eye(d + 1)[d], A_ub=-np.hstack([problem.rows, np.ones((m, 1))]), b_ub=problem.gap,
-        bounds=[(None, None)] * d + [(0, None)], method="highs",
-    )  # fmt: skip
+        np.eye(d + 1)[d],
+        A_ub=-np.hstack([problem.rows, np.ones((m, 1))]),
+        b_ub=problem.gap,
+        bounds=[(None, None)] * d + [(0, None)],
+        method="highs",
+    )
     return float(found.x[-1])
 
 
@@ -58,7 +71,10 @@ def pinched(robot_name: str, rows: int, seed: int) -> tuple[np.ndarray, np.ndarr
     pose = np.column_stack([rng.uniform(-0.6, 0.6, (tries, 2)), rng.uniform(-3, 3, tries)])
     pose[:, :base] += q[:, :base]
     dynamics = QuasiDynamics()
-    still, plant = Commands(np.zeros((tries, 0, n))), Plant(robot_name, ["box_212"] * tries, np.full(tries, 0.5))
+    still, plant = (
+        Commands(np.zeros((tries, 0, n))),
+        Plant(robot_name, ["box_212"] * tries, np.full(tries, 0.5)),
+    )
     nearest = np.sort(dynamics.rollout(q, q, pose, still, plant).link_distance[:, 0], axis=1)
     kept = np.flatnonzero((nearest[:, 0] > 0) & (nearest[:, 1] < 0.12))[: 40 * rows]
     closing = np.repeat(rng.choice([-1.0, 1.0], (len(kept), 1, n)), 300, axis=1)
@@ -72,9 +88,14 @@ def pinched(robot_name: str, rows: int, seed: int) -> tuple[np.ndarray, np.ndarr
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_pinched_box_stays_where_it_is(solver):
     env = gym.make(
-        "piec_envs/MobileFrankaPush-v0", geometry="capsules", preset="paper", object="box_212", escape_field=None,
-        prior="contact", solver=solver,
-    ).unwrapped  # fmt: skip
+        "piec_envs/MobileFrankaPush-v0",
+        geometry="capsules",
+        preset="paper",
+        object="box_212",
+        escape_field=None,
+        prior="contact",
+        solver=solver,
+    ).unwrapped
     env.reset(seed=0, options={"state": PINCHED})
     info = env.step(np.array([0.0, 0.0, 0.0, -1.0, -1.0]))[4]
     state = env.get_state()
@@ -84,13 +105,17 @@ def test_a_pinched_box_stays_where_it_is(solver):
 
 
 def compare_with_osqp(robot_name: str, rows: int, commands: int) -> int:
-    """Rigid steps of both solvers from pinched states, the command up to 1 rad ahead; returns how many it compared."""
+    """Rigid steps of both solvers from pinched states, the command up to 1 rad ahead; returns how
+    many it compared.
+    """
     (q, pose), robot = pinched(robot_name, rows, seed=0), get_robot(robot_name)
     rng, scene, compared = np.random.default_rng(1), pack_scene(robot_name, "box_212"), 0
     limits = robot.joint_array("lower"), robot.joint_array("upper")
     for i, _ in np.ndindex(len(q), commands):
         lead = rng.choice([0.005, 0.05, 1.0]) * rng.uniform(-1, 1, robot.dof)
-        problem = assemble_problem(scene, PAPER_MODEL, 0.5, q[i], np.clip(q[i] + lead, *limits), pose[i], np.zeros(2))
+        problem = assemble_problem(
+            scene, PAPER_MODEL, 0.5, q[i], np.clip(q[i] + lead, *limits), pose[i], np.zeros(2)
+        )
         fast, reference = solve_fast(problem), solve_osqp(problem)
         if not fast.solved:
             assert not reference.solved and least_violation(problem) > 1e-9
@@ -116,11 +141,19 @@ def test_fast_equals_osqp_on_pinched_boxes_and_2000_commands(robot_name):
 @settings(max_examples=80)
 @given(data=st.data())
 def test_rigid_answers_are_right_or_there_is_none(data):
-    """Rows of few values, repeated and mixed, so that most depend on others; the oracle is linear programming."""
+    """Rows of few values, repeated and mixed, so that most depend on others; the oracle is linear
+    programming.
+    """
     d, m = 7, data.draw(st.integers(1, 6))
-    rows = data.draw(hnp.arrays(float, (m, d), elements=st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])))
+    rows = data.draw(
+        hnp.arrays(float, (m, d), elements=st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0]))
+    )
     rows[np.abs(rows).sum(axis=1) == 0] = 0.5  # a contact row is never zero
-    mixed = data.draw(hnp.arrays(float, (data.draw(st.integers(0, 8)), m), elements=st.sampled_from([-1.0, 0.0, 1.0])))
+    mixed = data.draw(
+        hnp.arrays(
+            float, (data.draw(st.integers(0, 8)), m), elements=st.sampled_from([-1.0, 0.0, 1.0])
+        )
+    )
     added = mixed @ rows
     rows = np.vstack([rows, added[np.abs(added).sum(axis=1) > 0]])
     gaps = st.floats(-0.01, 0.01).map(lambda v: round(v, 4))
@@ -144,13 +177,18 @@ def rigid_motion(robot_name: str, rows: int, steps: int):
 
 
 def check_steps(motion, robot) -> int:
-    """Where nothing overlaps no step is longer than the lead of the command; returns the number of steps.
+    """Where nothing overlaps no step is longer than the lead of the command; returns the number of
+    steps.
 
-    A joint that a command ahead without limit winds up springs back by all of it at once: that is the paper's model.
+    A joint that a command ahead without limit winds up springs back by all of it at once: that is
+    the paper's model.
     """
     step = np.abs(np.diff(motion.q_r, axis=1))  # (B, N, n)
     lead = motion.q_cmd[:, 1:] - motion.q_r[:, :-1]
-    stiffness, limit = robot.joint_array("stiffness"), CONTROL_PERIOD * robot.joint_array("speed_limit")
+    stiffness, limit = (
+        robot.joint_array("stiffness"),
+        CONTROL_PERIOD * robot.joint_array("speed_limit"),
+    )
     lengths = [np.sqrt((stiffness * each**2).sum(axis=2)) for each in (step, lead)]
     apart = motion.link_distance[:, :-1].min(axis=2) >= 0
     assert (lengths[0] <= lengths[1] * (1 + 1e-6) + 1e-12)[apart].all()

@@ -1,4 +1,5 @@
-"""Random held actions from touching and squeezed states: nothing breaks, and how much contact there was.
+"""Random held actions from touching and squeezed states: nothing breaks, and how much contact there
+was.
 
 `pytest -m slow -s tests/dynamics/test_stress.py` prints the figures of a million steps.
 """
@@ -40,11 +41,11 @@ def stress(random_motion, steps: int, sigma: float) -> dict[str, float]:
 def largest_step(motion, lawful: bool) -> float:
     """Largest step of a joint over max_lead, where the command leads by no more than that.
 
-    A joint that was pressed beyond its limit is called back to the limit at once, however far that is: the arm
-    springs back, and a joint that the object links to it can be swung by more than its own lead (1.022 max_lead
-    in the fourth joint, with the second one 2.37 beyond its limit). What bounds all steps is the QP: standing
-    still keeps the constraints of links that do not overlap, so that the step is no longer, weighted by the
-    stiffness, than the lead.
+    A joint that was pressed beyond its limit is called back to the limit at once, however far that
+    is: the arm springs back, and a joint that the object links to it can be swung by more than its
+    own lead (1.022 max_lead in the fourth joint, with the second one 2.37 beyond its limit). What
+    bounds all steps is the QP: standing still keeps the constraints of links that do not overlap,
+    so that the step is no longer, weighted by the stiffness, than the lead.
     """
     limits = [ROBOT.joint_array(name) for name in ("lower", "upper")]
     stiffness, most = ROBOT.joint_array("stiffness"), ROBOT.joint_array("max_lead")
@@ -61,7 +62,8 @@ def largest_step(motion, lawful: bool) -> float:
 
 def check(figures: dict[str, float]) -> None:
     print(
-        f"\n{figures['steps']} steps, in contact {figures['contact']:.1%}, three or more active multipliers "
+        f"\n{figures['steps']} steps, in contact {figures['contact']:.1%}, three or more active "
+        f"multipliers "
         f"{figures['three']:.1%}, penetration at most {1e3 * figures['penetration']:.3f} mm, "
         f"largest joint step {figures['joint step']:.3f} max_lead"
     )

@@ -12,7 +12,9 @@ from piec_envs.escape.weights import FieldWeights, input_count
 from piec_envs.world.robots import ROBOTS, Joint, get_robot
 
 
-def random_weights_of(inputs="skeleton", width=8, depth=2, robot="planar_arm", seed=0, rise=1.0, **changes):
+def random_weights_of(
+    inputs="skeleton", width=8, depth=2, robot="planar_arm", seed=0, rise=1.0, **changes
+):
     """Weights of a network that nobody trained; T / T_0 varies with `rise`."""
     rng = np.random.default_rng(seed)
     seen = input_count(robot, inputs)
@@ -26,7 +28,13 @@ def random_weights_of(inputs="skeleton", width=8, depth=2, robot="planar_arm", s
         "w_out": rise * rng.standard_normal(width) / np.sqrt(width),
         "b_out": np.array([2.0]),
     }
-    given = {"robot": robot, "inputs": inputs, "arrays": arrays, "recipe": {"method": "none"}, "seed": seed}
+    given = {
+        "robot": robot,
+        "inputs": inputs,
+        "arrays": arrays,
+        "recipe": {"method": "none"},
+        "seed": seed,
+    }
     return FieldWeights(**{"speed": SpeedModel(), **given, **changes})
 
 
@@ -36,18 +44,35 @@ def random_weights():
     return random_weights_of
 
 
-SLIDING = {"sliding_arm": "planar_arm", "sliding_capsules": "franka_capsules", "turned_capsules": "franka_capsules"}
+SLIDING = {
+    "sliding_arm": "planar_arm",
+    "sliding_capsules": "franka_capsules",
+    "turned_capsules": "franka_capsules",
+}
 
 
 def _sliding(name):
     """One of the SLIDING robots: the arm that it names on a base that slides along x and y.
 
-    With "turned" the second slide and the first turning joint stand at an angle, and that joint turns clockwise.
+    With "turned" the second slide and the first turning joint stand at an angle, and that joint
+    turns clockwise.
     """
     arm = get_robot(SLIDING[name])
     turned = name.startswith("turned")
     base = tuple(
-        Joint(f"base {name}", (0.0, 0.0, 0.3 * turned * axis[1]), axis, -2.0, 2.0, 0.05, 0.01, 500.0, 60.0, 0.1, 20.0)
+        Joint(
+            f"base {name}",
+            (0.0, 0.0, 0.3 * turned * axis[1]),
+            axis,
+            -2.0,
+            2.0,
+            0.05,
+            0.01,
+            500.0,
+            60.0,
+            0.1,
+            20.0,
+        )
         for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
     )
     links = tuple(dataclasses.replace(link, frame=link.frame + 2) for link in arm.links)

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
-from piec_envs.escape import CAGING_SCALE, FIELDS, SpeedModel, key_points_world, make_field, object_escape_time
+from piec_envs.escape import (
+    CAGING_SCALE,
+    FIELDS,
+    SpeedModel,
+    key_points_world,
+    make_field,
+    object_escape_time,
+)
 from piec_envs.world.objects import OBJECTS
 from piec_envs.world.robots import get_robot
 
@@ -24,7 +31,9 @@ def field(request):
 
 
 def posture(field, bend):
-    """A configuration with every joint but the first bent from straight, in the direction that its limits allow."""
+    """A configuration with every joint but the first bent from straight, in the direction that its
+    limits allow.
+    """
     robot = get_robot(field.robot_name)
     q = robot.straight + bend * robot.curl_sides(0.6)[-1] * (np.arange(robot.dof) > 0)
     q[0] = 0.3
@@ -38,7 +47,8 @@ def test_a_field_is_remade_from_its_spec(field):
     assert (again.query(points, q) == field.query(points, q)).all()
 
 
-@pytest.mark.parametrize("bend", [0.9, 0.0], ids=["curled", "straight"])  # the straight arm reaches the circle
+# the straight arm reaches the circle
+@pytest.mark.parametrize("bend", [0.9, 0.0], ids=["curled", "straight"])
 def test_a_point_on_or_outside_the_disc_has_escaped(field, bend):
     q, radius = posture(field, bend), get_robot(field.robot_name).workspace_radius
     angle = np.linspace(0, 2 * np.pi, 12)
@@ -98,7 +108,9 @@ def test_object_time_is_the_mean_or_the_larger_maximum_of_its_key_points():
     pose = np.array([[0.3, 0.5, 0.2], [-0.4, 0.4, 1.0]])
     q = np.stack([Q, -Q])
     times = field.query(key_points_world(key_points, pose), q)  # (2, 3)
-    mean, most = (object_escape_time(field, key_points, pose, q, reduce) for reduce in ("mean", "max"))
+    mean, most = (
+        object_escape_time(field, key_points, pose, q, reduce) for reduce in ("mean", "max")
+    )
     assert (mean == times.mean(1)).all() and (most == times.max(1)).all() and (mean <= most).all()
     assert object_escape_time(field, key_points, pose[0], Q) == mean[0]
     assert 0 < CAGING_SCALE * mean[0] < 1

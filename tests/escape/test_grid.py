@@ -35,7 +35,12 @@ def field(request):
 
 
 @settings(max_examples=30, deadline=None)
-@given(configurations, st.sampled_from(METHODS), st.sampled_from([0.0, 0.05, 0.99]), st.integers(0, 10**6))
+@given(
+    configurations,
+    st.sampled_from(METHODS),
+    st.sampled_from([0.0, 0.05, 0.99]),
+    st.integers(0, 10**6),
+)
 def test_no_point_escapes_faster_than_in_a_straight_line(q, method, leak, seed):
     points = np.random.default_rng(seed).uniform(-1.6, 1.6, (50, 2))
     T = GridField(method=method, speed=SpeedModel(leak=leak)).query(points, q)
@@ -55,7 +60,9 @@ def test_an_empty_direction_is_free(field):
 
 @pytest.mark.parametrize("resolution", [64, 200])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_closed_cage_is_inf_with_a_hard_wall_and_the_largest_value_with_a_leaky_one(method, resolution):
+def test_a_closed_cage_is_inf_with_a_hard_wall_and_the_largest_value_with_a_leaky_one(
+    method, resolution
+):
     hard = GridField(method=method, resolution=resolution, speed=HARD)
     leaky = GridField(method=method, resolution=resolution)
     T_p, dT_dp, dT_dq = hard.gradients(CAGE_POINT[None], CAGE_Q)
@@ -76,7 +83,10 @@ def test_points_in_a_hard_wall_are_inf_and_in_a_leaky_one_slow(field):
 
 def test_the_wall_of_the_leaky_field_leaves_reachable_points_alone():
     points, q = sample("curled", 20, 100)
-    T, hard = GridField(method="marching").query(points, q), GridField(method="marching", speed=HARD).query(points, q)
+    T, hard = (
+        GridField(method="marching").query(points, q),
+        GridField(method="marching", speed=HARD).query(points, q),
+    )
     reachable = np.isfinite(hard)
     assert (np.abs(T - hard)[reachable] <= 0.01 * hard[reachable]).all()
 
@@ -107,10 +117,14 @@ def test_turning_arm_and_point_together_changes_nothing_but_grid_error(q, turn):
 
 
 @settings(max_examples=20, deadline=None)
-@given(configurations, st.sampled_from(METHODS), st.sampled_from([0.0, 0.05]), st.integers(0, 10**6))
+@given(
+    configurations, st.sampled_from(METHODS), st.sampled_from([0.0, 0.05]), st.integers(0, 10**6)
+)
 def test_escape_time_falls_strictly_along_the_path_to_the_circle(q, method, leak, seed):
     field = GridField(method=method, speed=SpeedModel(leak=leak))
-    point = draw_points("planar_arm", "curled", q[None], 1, np.random.default_rng(seed), clearance=0.0)[0, 0]
+    point = draw_points(
+        "planar_arm", "curled", q[None], 1, np.random.default_rng(seed), clearance=0.0
+    )[0, 0]
     path = field.escape_path(point, q)
     assert (path[0] == point).all()
     T = field.query(path, q)
@@ -127,7 +141,9 @@ def test_time_along_the_path_is_the_escape_time():
     field = GridField(method="marching", resolution=200)
     for p, c in zip(points.reshape(-1, 2), np.repeat(q, 5, axis=0), strict=True):
         path = field.escape_path(p, c)
-        fine = np.concatenate([np.linspace(a, b, 20, endpoint=False) for a, b in zip(path, path[1:], strict=False)])
+        fine = np.concatenate(
+            [np.linspace(a, b, 20, endpoint=False) for a, b in zip(path, path[1:], strict=False)]
+        )
         slow = 1 / field.speed.speed(robot_distance("planar_arm", fine, c))
         length = np.repeat(np.linalg.norm(np.diff(path, axis=0), axis=1) / 20, 20)
         if slow.max() < 1 / (0.2 * U_BAR):  # not through a wall
@@ -138,31 +154,50 @@ def test_point_gradients_have_the_norm_of_the_eikonal_equation_and_the_right_dir
     points, q = sample("curled", 30, 20)
     _, dT_dp = field.point_gradients(points, q)
     norm = np.linalg.norm(dT_dp, axis=-1)
-    slow = np.array([1 / field.speed.speed(robot_distance("planar_arm", p, c)) for p, c in zip(points, q, strict=True)])
+    slow = np.array(
+        [
+            1 / field.speed.speed(robot_distance("planar_arm", p, c))
+            for p, c in zip(points, q, strict=True)
+        ]
+    )
     np.testing.assert_allclose(norm[norm > 0], slow[norm > 0], rtol=1e-9)
     assert (norm > 0).mean() > 0.99
     fine = GridField(method="marching", resolution=300)
     step = 1e-3 * np.eye(2)
-    difference = np.stack([fine.query(points + e, q) - fine.query(points - e, q) for e in step], -1)  # (B, k, 2)
-    cosine = (difference * dT_dp).sum(-1) / np.maximum(np.linalg.norm(difference, axis=-1) * norm, 1e-300)
+    # (B, k, 2)
+    difference = np.stack([fine.query(points + e, q) - fine.query(points - e, q) for e in step], -1)
+    cosine = (difference * dT_dp).sum(-1) / np.maximum(
+        np.linalg.norm(difference, axis=-1) * norm, 1e-300
+    )
     assert np.median(cosine) > 0.98
 
 
 def test_configuration_gradient_against_central_differences():
     points, q = sample("curled", 15, 10, seed=3)
     field = GridField(method="marching", resolution=200)
-    reachable = np.isfinite(GridField(method="marching", resolution=200, speed=HARD).query(points, q))
+    reachable = np.isfinite(
+        GridField(method="marching", resolution=200, speed=HARD).query(points, q)
+    )
     dT_dq = field.gradients(points, q)[2]
     fine = GridField(method="marching", resolution=300)
-    difference = np.stack([fine.query(points, q + e) - fine.query(points, q - e) for e in 1e-3 * np.eye(4)], -1) / 2e-3
+    difference = (
+        np.stack(
+            [fine.query(points, q + e) - fine.query(points, q - e) for e in 1e-3 * np.eye(4)], -1
+        )
+        / 2e-3
+    )
     felt = reachable & (np.linalg.norm(difference, axis=-1) > 0.5)
     a, b = dT_dq[felt], difference[felt]
     cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
     assert np.median(cosine) > 0.99
-    assert np.median(np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)) == pytest.approx(1, abs=0.1)
+    assert np.median(np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)) == pytest.approx(
+        1, abs=0.1
+    )
 
 
-@pytest.mark.parametrize(("method", "resolution"), [("sweeping", 64), ("marching", 64), ("sweeping", 200)])
+@pytest.mark.parametrize(
+    ("method", "resolution"), [("sweeping", 64), ("marching", 64), ("sweeping", 200)]
+)
 def test_pressing_a_disc_on_one_link_is_no_cage(method, resolution):
     field, ratios = GridField(method=method, resolution=resolution), []
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, 40)[:, None] * [1, 0, 0, 0]:
@@ -188,9 +223,12 @@ def test_marching_agrees_with_scikit_fmm():
     for q in draw_configurations("planar_arm", "curled", 4, np.random.default_rng(0)):
         drawn = field.solve(q)
         inside = R - np.hypot(drawn.x[None], drawn.y[:, None])
-        T = np.asarray(skfmm.travel_time(inside, drawn.speed, dx=float(drawn.x[1] - drawn.x[0]), order=2))
+        T = np.asarray(
+            skfmm.travel_time(inside, drawn.speed, dx=float(drawn.x[1] - drawn.x[0]), order=2)
+        )
         kept = (inside > 0.05) & (drawn.speed > 0.4 * U_BAR)
-        assert np.median(np.abs(drawn.T - T)[kept] / T[kept]) < 3e-3  # of which 2e-3 is scikit-fmm's start
+        # of which 2e-3 is scikit-fmm's start
+        assert np.median(np.abs(drawn.T - T)[kept] / T[kept]) < 3e-3
 
 
 def test_solve_and_query_agree_at_the_nodes(field):
@@ -221,7 +259,10 @@ def sliding_arm() -> Robot:
     arm = get_robot("planar_arm")
     slide = {"lower": -5.0, "upper": 5.0, "speed_limit": 0.05, "max_lead": 0.01, "stiffness": 500.0}
     slide |= {"damping": 60.0, "armature": 0.1, "effort": 20.0}
-    base = tuple(Joint(n, (0.0, 0.0, 0.0), a, **slide) for n, a in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0))))
+    base = tuple(
+        Joint(n, (0.0, 0.0, 0.0), a, **slide)
+        for n, a in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
+    )
     links = tuple(Link(link.name, link.frame + 2, link.shapes) for link in arm.links)
     return Robot("sliding_arm", base + arm.joints, links, np.zeros(6), arm.workspace_radius)
 
@@ -243,7 +284,9 @@ def test_the_disc_moves_with_the_base(monkeypatch):
 
 
 def test_a_larger_workspace_adds_a_straight_way_out():
-    """Beyond the arm's reach an object flees at u_bar: T grows by the added radius over u_bar, and T - T_0 stays."""
+    """Beyond the arm's reach an object flees at u_bar: T grows by the added radius over u_bar, and
+    T - T_0 stays.
+    """
     own = get_robot("franka").workspace_radius
     points, q = np.array([[0.1, -0.4], [0.2, -0.3]]), np.array([0.4, -1.5, 1.2])  # beside the arm
     small, large = (  # nodes equally dense

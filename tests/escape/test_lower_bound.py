@@ -1,14 +1,16 @@
 """Proposition 1: mean over key points <= largest over key points <= escape time of the rigid body.
 
-The rigid time is that of Dijkstra on a grid of poses (x, y, theta). An edge is a straight motion with
-constant turning. It takes the integral of the largest |dp_i| / u(p_i) over the key points, since all of
-them keep to their speed limit at once, and ends where the last of them crosses the circle. Such a path
-is one of those that the proposition ranges over, so the finite neighbourhood makes the rigid time too
-long and never too short, and so do the sums, in which each part of an edge counts at its slower end.
+The rigid time is that of Dijkstra on a grid of poses (x, y, theta). An edge is a straight motion
+with constant turning. It takes the integral of the largest |dp_i| / u(p_i) over the key points,
+since all of them keep to their speed limit at once, and ends where the last of them crosses the
+circle. Such a path is one of those that the proposition ranges over, so the finite neighbourhood
+makes the rigid time too long and never too short, and so do the sums, in which each part of an edge
+counts at its slower end.
 
-What is left is the error of the field: half a per cent, and near the circle, where T is small, a tenth
-of the time that free space takes for a cell. Poses with a key point in the wall are left out: the object
-would overlap the robot there, and T in the wall is off by as much as a cell takes at the leak's speed.
+What is left is the error of the field: half a per cent, and near the circle, where T is small, a
+tenth of the time that free space takes for a cell. Poses with a key point in the wall are left out:
+the object would overlap the robot there, and T in the wall is off by as much as a cell takes at the
+leak's speed.
 """
 
 from functools import cache, partial
@@ -64,7 +66,9 @@ def pose_grid(key_points: np.ndarray, symmetry: int) -> Poses:
 
 
 def motions() -> list[tuple[int, int, int]]:
-    """Every direction to a cell at most two away, with and without turning, one of each opposite pair."""
+    """Every direction to a cell at most two away, with and without turning, one of each opposite
+    pair.
+    """
     steps = [(i, j, k) for i in range(-2, 3) for j in range(-2, 3) for k in (-1, 0, 1)]
     return [step for step in steps if step > (0, 0, 0) and np.gcd(step[0], step[1]) <= 1]
 
@@ -78,7 +82,9 @@ def ends(grid: Poses, motion: tuple[int, int, int]) -> tuple[np.ndarray, np.ndar
             for step, n in zip(motion[:2], grid.index.shape[:2], strict=True)
         )
 
-    return grid.index[part(True)].ravel(), np.roll(grid.index[part(False)], -motion[2], axis=2).ravel()
+    return grid.index[part(True)].ravel(), np.roll(
+        grid.index[part(False)], -motion[2], axis=2
+    ).ravel()
 
 
 def edge_times(points: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -87,15 +93,22 @@ def edge_times(points: np.ndarray, q: np.ndarray) -> np.ndarray:
     slow = 1 / FIELD.speed.speed(distance)
     length = np.linalg.norm(np.diff(points, axis=1), axis=-1)  # (E, STEPS, k)
     time = (length * np.maximum(slow[:, 1:], slow[:, :-1])).max(axis=-1)  # (E, STEPS)
-    depth = RADIUS - np.hypot(points[..., 0], points[..., 1]).min(axis=-1)  # (E, STEPS + 1), of the last one in
+    # (E, STEPS + 1), of the last one in
+    depth = RADIUS - np.hypot(points[..., 0], points[..., 1]).min(axis=-1)
     before, after = depth[:, :-1], depth[:, 1:]
     inside = np.maximum(before, 0) + np.maximum(after, 0)
-    share = np.where((before > 0) & (after > 0), 1.0, inside / np.maximum(np.abs(after - before), 1e-12))
+    share = np.where(
+        (before > 0) & (after > 0), 1.0, inside / np.maximum(np.abs(after - before), 1e-12)
+    )
     return (time * np.minimum(share, 1.0)).sum(axis=1)
 
 
-def rigid_times(key_points: np.ndarray, symmetry: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Escape time of a rigid body from every pose of a grid where it is not out yet: (B, 3) and (B,)."""
+def rigid_times(
+    key_points: np.ndarray, symmetry: int, q: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Escape time of a rigid body from every pose of a grid where it is not out yet: (B, 3) and
+    (B,).
+    """
     grid = pose_grid(key_points, symmetry)
     poses = grid.poses.reshape(-1, 3)
     points = key_points_world(key_points, poses)
@@ -106,11 +119,14 @@ def rigid_times(key_points: np.ndarray, symmetry: int, q: np.ndarray) -> tuple[n
         start, stop = ends(grid, motion)
         kept = ~(out[start] & out[stop])
         start, stop = start[kept], stop[kept]
-        along = poses[start][:, None] + beside * (np.array(motion) * [H, H, grid.turn])  # (E, STEPS + 1, 3)
+        # (E, STEPS + 1, 3)
+        along = poses[start][:, None] + beside * (np.array(motion) * [H, H, grid.turn])
         starts, stops = [*starts, start], [*stops, stop]
         times.append(edge_times(key_points_world(key_points, along), q))
     ways = np.concatenate(starts), np.concatenate(stops)
-    graph = coo_matrix((np.maximum(np.concatenate(times), 1e-12), ways), shape=(len(poses),) * 2).tocsr()
+    graph = coo_matrix(
+        (np.maximum(np.concatenate(times), 1e-12), ways), shape=(len(poses),) * 2
+    ).tocsr()
     T = dijkstra(graph, directed=False, indices=np.flatnonzero(out), min_only=True)
     return poses[~out], T[~out]
 
@@ -142,7 +158,9 @@ def make_scene(body: str, posture: str) -> Scene:
 
     clear = (asked(partial(robot_distance, ROBOT)) > FIELD.speed.d0).all(axis=1)
     enclosed = np.isinf(asked(HARD.query)).all(axis=1)
-    return Scene(key_points, q, poses[clear], asked(FIELD.query)[clear], rigid[clear], enclosed[clear])
+    return Scene(
+        key_points, q, poses[clear], asked(FIELD.query)[clear], rigid[clear], enclosed[clear]
+    )
 
 
 @pytest.fixture(params=product(BODIES, POSTURES), ids=", ".join)
@@ -167,11 +185,17 @@ def test_the_object_time_is_that_bound(scene):
 
 @pytest.mark.parametrize(
     "wrong",
-    [lambda times: 1.2 * times.max(axis=1), lambda times: 1.05 * times.max(axis=1), lambda times: times.sum(axis=1)],
+    [
+        lambda times: 1.2 * times.max(axis=1),
+        lambda times: 1.05 * times.max(axis=1),
+        lambda times: times.sum(axis=1),
+    ],
     ids=["a fifth more", "a twentieth more", "sum"],
 )
 def test_what_is_no_bound_is_refuted(scene, wrong):
-    """The body's time is so close to the largest of its key points that a wrong bound exceeds it."""
+    """The body's time is so close to the largest of its key points that a wrong bound
+    exceeds it.
+    """
     assert (wrong(scene.times) > longest(scene.rigid)).mean() > 0.3
 
 

@@ -30,16 +30,22 @@ R, U_BAR = 1.4, 0.05
 def draw(robot_name, rows, k, seed=0, clearance=0.01):
     """Configurations, half of them curled, and points inside the disc and outside the robot.
 
-    They are clear of the parts that touch nothing, too: the angles that a point sees are singular on the skeleton.
+    They are clear of the parts that touch nothing, too: the angles that a point sees are singular
+    on the skeleton.
     """
     rng, robot = np.random.default_rng(seed), get_robot(robot_name)
-    q = np.concatenate([draw_configurations(robot_name, kind, rows, rng) for kind in ("curled", "uniform")])
+    q = np.concatenate(
+        [draw_configurations(robot_name, kind, rows, rng) for kind in ("curled", "uniform")]
+    )
     q = q[rng.permutation(len(q))[:rows]]
     points = np.empty((rows, k, 2))
     for row, places in zip(q, points, strict=True):
         for i in range(k):
             while True:
-                angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 0.98 * robot.workspace_radius)
+                angle, radius = (
+                    rng.uniform(0, 2 * np.pi),
+                    rng.uniform(0.0, 0.98 * robot.workspace_radius),
+                )
                 places[i] = row[: robot.base_dof] if robot.base_dof else 0.0
                 places[i] += radius * np.array([np.cos(angle), np.sin(angle)])
                 if robot_distance(robot.whole_name, places[i : i + 1], row)[0] > clearance:
@@ -48,7 +54,9 @@ def draw(robot_name, rows, k, seed=0, clearance=0.01):
 
 
 def relative(found, true):
-    """Error of vectors along the last axis, relative to their norms, or to a tenth of the mean norm."""
+    """Error of vectors along the last axis, relative to their norms, or to a tenth of the mean
+    norm.
+    """
     size = np.linalg.norm(true, axis=-1)
     return np.linalg.norm(found - true, axis=-1) / np.maximum(size, 0.1 * size.mean())
 
@@ -64,7 +72,10 @@ def test_kernel_is_its_readable_twin(any_robot, inputs, width, depth, random_wei
     q, points = draw(any_robot, 40, 3)
     p = torch.tensor(points.reshape(-1, 2), requires_grad=True)
     rows = torch.tensor(np.repeat(q, 3, axis=0), requires_grad=True)
-    field, geometry = NetworkField(any_robot, weights, threads=1), Geometry(any_robot, inputs, SpeedModel())
+    field, geometry = (
+        NetworkField(any_robot, weights, threads=1),
+        Geometry(any_robot, inputs, SpeedModel()),
+    )
     T = geometry.time(FieldModule.of(weights).double(), p, rows)
     slopes = torch.autograd.grad(T.sum(), (p, rows))
     seen = geometry.describe(p, rows).detach().numpy().reshape(40, 3, -1)
@@ -73,7 +84,8 @@ def test_kernel_is_its_readable_twin(any_robot, inputs, width, depth, random_wei
     assert relative(found[0].reshape(-1, 1), T.detach().numpy()[:, None]).max() < 1e-5
     for answer, slope in zip(found[1:], slopes, strict=True):
         error = relative(answer.reshape(len(p), -1), slope.numpy())
-        assert np.quantile(error, 0.98) < 1e-5 and error.max() < 1e-4  # links that nearly touch magnify rounding
+        # links that nearly touch magnify rounding
+        assert np.quantile(error, 0.98) < 1e-5 and error.max() < 1e-4
 
 
 @pytest.mark.parametrize("any_robot", ALL_ROBOTS, indirect=True)
@@ -82,13 +94,19 @@ def test_gradients_are_finite_differences(any_robot, inputs, random_weights):
     field, h = NetworkField(any_robot, random_weights(inputs, robot=any_robot)), 1e-3
     q, points = draw(any_robot, 60, 2)
     T, dT_dp, dT_dq = field.gradients(points, q)
-    assert (field.query(points, q) == T).all() and (field.point_gradients(points, q)[1] == dT_dp).all()
-    slope_p = [(field.query(points + e, q) - field.query(points - e, q)) / (2 * h) for e in h * np.eye(2)]
-    steps = 2 * h * np.eye(q.shape[1])  # single precision: times vary less with the joints than with the point
+    assert (field.query(points, q) == T).all() and (
+        field.point_gradients(points, q)[1] == dT_dp
+    ).all()
+    slope_p = [
+        (field.query(points + e, q) - field.query(points - e, q)) / (2 * h) for e in h * np.eye(2)
+    ]
+    # single precision: times vary less with the joints than with the point
+    steps = 2 * h * np.eye(q.shape[1])
     slope_q = [(field.query(points, q + e) - field.query(points, q - e)) / (4 * h) for e in steps]
     for found, slope in ((dT_dp, slope_p), (dT_dq, slope_q)):
         error = relative(found, np.stack(slope, axis=-1))
-        assert np.median(error) < 2e-3 and np.quantile(error, 0.95) < 0.02  # rounding, and a few kinks
+        # rounding, and a few kinks
+        assert np.median(error) < 2e-3 and np.quantile(error, 0.95) < 0.02
 
 
 @settings(max_examples=30)
@@ -108,7 +126,11 @@ def test_a_row_of_a_batch_is_the_single_query_bit_for_bit(random_weights, rows, 
 
 def test_empty_batches(random_weights):
     field = NetworkField("planar_arm", random_weights())
-    assert [a.shape for a in field.gradients(np.empty((0, 3, 2)), np.empty((0, 4)))] == [(0, 3), (0, 3, 2), (0, 3, 4)]
+    assert [a.shape for a in field.gradients(np.empty((0, 3, 2)), np.empty((0, 4)))] == [
+        (0, 3),
+        (0, 3, 2),
+        (0, 3, 4),
+    ]
     assert [a.shape for a in field.gradients(np.empty((0, 2)), Q)] == [(0,), (0, 2), (0, 4)]
 
 
@@ -120,7 +142,10 @@ def test_turning_the_arm_and_the_points_changes_nothing(random_weights):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         turned = field.gradients(points @ turn.T, q + np.array([angle, 0, 0, 0]))
         np.testing.assert_allclose(turned[0], T, rtol=1e-5)
-        assert relative(turned[1], dT_dp @ turn.T).max() < 1e-4 and relative(turned[2], dT_dq).max() < 1e-4
+        assert (
+            relative(turned[1], dT_dp @ turn.T).max() < 1e-4
+            and relative(turned[2], dT_dq).max() < 1e-4
+        )
 
 
 @pytest.mark.parametrize("inputs", INPUTS)
@@ -148,11 +173,14 @@ def test_answers_are_finite_on_the_skeleton_itself(inputs, random_weights):
     points[:, 0] = 0.0, 0.4, 0.6, 1.2  # the base, a joint, a link and the wrist of the straight arm
     assert all(np.isfinite(answer).all() for answer in field.gradients(points, np.zeros(4)))
     q, _ = draw("planar_arm", 200, 1)
-    along = np.linspace(-0.01, 0.41, 100)[None, :, None] * np.stack([np.cos(q[:, :1]), np.sin(q[:, :1])], axis=-1)
+    along = np.linspace(-0.01, 0.41, 100)[None, :, None] * np.stack(
+        [np.cos(q[:, :1]), np.sin(q[:, :1])], axis=-1
+    )
     for aside in (0.0, 1e-7, 1e-5):
         assert all(np.isfinite(answer).all() for answer in field.gradients(along + aside, q))
         if inputs == "skeleton":
-            assert np.abs(field.describe(along + aside, q)).max() < 2  # sines below 1, lengths below 2 m
+            # sines below 1, lengths below 2 m
+            assert np.abs(field.describe(along + aside, q)).max() < 2
 
 
 def test_bad_questions_are_refused(random_weights):
@@ -218,11 +246,18 @@ def test_asking_needs_no_torch_and_training_says_that_it_does(random_weights, tm
     file = random_weights().save(tmp_path / "my.npz")
     command = [sys.executable, "-c", NO_TORCH, str(file), str(tmp_path / "out")]
     done = subprocess.run(
-        command, capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}
+        command,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert float(lines[0]) == make_field("network", weights=str(file)).query(np.array([[0.4, 0.3]]), np.zeros(4))[0]
+    assert (
+        float(lines[0])
+        == make_field("network", weights=str(file)).query(np.array([[0.4, 0.3]]), np.zeros(4))[0]
+    )
     assert "extra 'learn'" in lines[1] and lines[-1] == "2"
     assert "piec train-field: error: 'torch' is not installed" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,6 @@
-"""The escape field around the bodies in space: beside that of the polygons, and against differences."""
+"""The escape field around the bodies in space: beside that of the polygons, and against
+differences.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,8 @@ def test_the_map_holds_the_distance_of_the_field_in_space(field):
     inside = np.hypot(x, y) < get_robot("franka").workspace_radius
     points = np.stack([x[inside], y[inside]], axis=-1)
     d = panda_distance_field().distance(in_plane(points), all_joints(CURLED))
-    clear = np.abs(d - field.speed.d0) > 0.05  # beside the wall a node may stand for the middle of a passage
+    # beside the wall a node may stand for the middle of a passage
+    clear = np.abs(d - field.speed.d0) > 0.05
     np.testing.assert_allclose(drawn.speed[inside][clear], field.speed.speed(d[clear]), rtol=1e-9)
 
 
@@ -73,7 +76,9 @@ def test_gradients_match_differences(sample):
     field, h = GridField("franka", 160, "marching", distance="rdf"), 1e-3
     hard = GridField("franka", 160, "marching", SpeedModel(leak=0.0), distance="rdf")
     time, dT_dp, dT_dq = field.gradients(points, q)
-    assert (time == field.query(points, q)).all() and (dT_dp == field.point_gradients(points, q)[1]).all()
+    assert (time == field.query(points, q)).all() and (
+        dT_dp == field.point_gradients(points, q)[1]
+    ).all()
     for found, steps in ((dT_dp, np.eye(2)), (dT_dq, np.eye(3))):
         pairs = [
             (field.query(points + h * s, q), field.query(points - h * s, q))
@@ -84,7 +89,9 @@ def test_gradients_match_differences(sample):
         difference = np.stack([(a - b) / (2 * h) for a, b in pairs], axis=-1)
         length = np.linalg.norm(difference, axis=-1)
         felt = np.isfinite(hard.query(points, q)) & (length > 0.5)
-        cosine = (found * difference).sum(axis=-1) / (np.linalg.norm(found, axis=-1) * np.maximum(length, 1e-9))
+        cosine = (found * difference).sum(axis=-1) / (
+            np.linalg.norm(found, axis=-1) * np.maximum(length, 1e-9)
+        )
         ratio = np.linalg.norm(found, axis=-1)[felt] / length[felt]
         assert felt.sum() > 20
         assert np.median(cosine[felt]) > 0.999 and np.quantile(cosine[felt], 0.1) > 0.98
@@ -102,7 +109,9 @@ def test_a_path_leads_out_and_its_times_fall(field, sample):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_rows_are_those_of_single_queries_bit_for_bit(field, sample, threads):
     points, q = sample
-    batch = GridField("franka", 64, "marching", threads=threads, distance="rdf").gradients(points, q)
+    batch = GridField("franka", 64, "marching", threads=threads, distance="rdf").gradients(
+        points, q
+    )
     for row in (0, 5):
         for a, b in zip(batch, field.gradients(points[row], q[row]), strict=True):
             assert (a[row] == b).all()

@@ -81,7 +81,9 @@ def test_the_temporal_difference_of_the_free_field_is_zero_far_from_the_robot(fr
 
 
 def test_a_temporal_difference_pulls_at_the_point_and_not_at_its_target():
-    """Without its own T, which is not differentiated through p', nothing is left of the gradient."""
+    """Without its own T, which is not differentiated through p', nothing is left of the
+    gradient.
+    """
     recipe = extended(**NEAR)
     torch.manual_seed(0)
     module = FieldModule(input_count(ARM, "skeleton"), 8, 2)
@@ -99,13 +101,17 @@ def laplacian(slope, p):
 
 @pytest.mark.parametrize("viscosity", [0.01, 0.1])
 def test_the_viscous_equation_holds_for_its_solution_at_the_ridge_too(viscosity):
-    """|T'| - eps T'' = 1 on a line of half length 1; as eps falls, T becomes the distance 1 - |x|."""
+    """|T'| - eps T'' = 1 on a line of half length 1; as eps falls, T becomes the distance 1
+    - |x|.
+    """
     x = torch.linspace(-0.9, 0.9, 81, dtype=torch.float64)
     p = torch.stack([x, torch.linspace(0, 1, 81, dtype=torch.float64)], dim=1).requires_grad_()
     away = torch.sqrt(p[:, 0] ** 2 + 1e-300)
     T = 1 - away + viscosity * (np.exp(-1 / viscosity) - torch.exp(-away / viscosity))
     (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
-    loss = ExtendedLoss(tiny("pinn-paper-viscous", viscosity=viscosity), ARM, SpeedModel(), 0, "cpu")
+    loss = ExtendedLoss(
+        tiny("pinn-paper-viscous", viscosity=viscosity), ARM, SpeedModel(), 0, "cpu"
+    )
     interior = Interior(p, p, torch.ones_like(x), T, slope, laplacian(slope, p))
     left = loss._left_side(interior).detach().numpy()
     kept = np.abs(x.numpy()) > 1e-9
@@ -127,7 +133,9 @@ def test_what_is_carried_forward_equals_what_is_differentiated():
     parameters = list(module.parameters())
     for k, true in enumerate(expected):
         ours, theirs = (
-            torch.autograd.grad((part * part).sum(), parameters, retain_graph=True, allow_unused=True)
+            torch.autograd.grad(
+                (part * part).sum(), parameters, retain_graph=True, allow_unused=True
+            )
             for part in (raw_jet(module, p, q)[k], true)
         )
         for one, other in zip(ours, theirs, strict=True):
@@ -149,7 +157,9 @@ def test_without_its_additions_the_extended_loss_is_the_papers():
     module = FieldModule(input_count(ARM, "raw"), 8, 2)
     one = ResidualLoss(paper, ARM, SpeedModel(), 0, "cpu")
     other = ExtendedLoss(Extended(**dataclasses.asdict(paper)), ARM, SpeedModel(), 0, "cpu")
-    assert [float(one(module, k).detach()) for k in range(3)] == [float(other(module, k).detach()) for k in range(3)]
+    assert [float(one(module, k).detach()) for k in range(3)] == [
+        float(other(module, k).detach()) for k in range(3)
+    ]
 
 
 def test_the_additions_differ_from_the_papers_recipe_in_their_number_alone():
@@ -160,7 +170,9 @@ def test_the_additions_differ_from_the_papers_recipe_in_their_number_alone():
         assert plain == Extended(**paper) and getattr(row, added) > 0
     assert (
         dataclasses.replace(
-            RECIPES["pinn-paper-short"], description=RECIPES["pinn-paper"].description, iterations=20_000
+            RECIPES["pinn-paper-short"],
+            description=RECIPES["pinn-paper"].description,
+            iterations=20_000,
         )
         == RECIPES["pinn-paper"]
     )

@@ -51,8 +51,8 @@ def test_sweeping_equals_its_reference(seed):
     inner = np.isinf(boundary) & np.isfinite(slow)
     error = np.abs(time[inner] - reference[inner])
     assert np.percentile(error / reference[inner], 90) < 1e-12
-    # On crests, where two neighbours tie, the order of the sweeps decides which edge's cost is kept;
-    # the two edges differ by half the neighbours' difference in slowness.
+    # On crests, where two neighbours tie, the order of the sweeps decides which edge's cost is
+    # kept; the two edges differ by half the neighbours' difference in slowness.
     range_near = maximum_filter(np.where(np.isinf(slow), 0.0, slow), 3) - minimum_filter(slow, 3)
     assert (error <= 0.5 * 0.1 * range_near[inner] + 1e-12).all()
 
@@ -60,7 +60,9 @@ def test_sweeping_equals_its_reference(seed):
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_marching_equals_the_heap_reference(seed):
-    """The order of arrival comes from the first-order solution; that changes little of what second order brings."""
+    """The order of arrival comes from the first-order solution; that changes little of what second
+    order brings.
+    """
     slow, boundary = smooth_scene(seed)
     inner = np.isinf(boundary) & np.isfinite(slow)
     time, first = fast_march(slow, boundary, 0.1)[inner], sweep(slow, boundary, 0.1)[inner]
@@ -84,7 +86,8 @@ def test_order_of_convergence_on_the_disc():
             error = np.abs(solve(slow, boundary, h, least=-9.0) - exact)
             errors[name].append(error[exact > 0.0].mean())
     assert 1.7 < errors["sweeping"][0] / errors["sweeping"][1] < 2.6  # first order
-    assert errors["marching"][0] / errors["marching"][1] > 3.0  # second order, less the kink at the centre
+    # second order, less the kink at the centre
+    assert errors["marching"][0] / errors["marching"][1] > 3.0
 
 
 @pytest.mark.parametrize("method", SOLVERS)

@@ -26,7 +26,10 @@ def test_decay_is_the_exponential(z):
 
 
 @given(
-    distances, st.sampled_from([SpeedModel(), SpeedModel(leak=0.3), SpeedModel(floor=0.5, s=150.0), SpeedModel(s=0.0)])
+    distances,
+    st.sampled_from(
+        [SpeedModel(), SpeedModel(leak=0.3), SpeedModel(floor=0.5, s=150.0), SpeedModel(s=0.0)]
+    ),
 )
 def test_slowness_kernel_equals_the_reference(d, model):
     assert slowness(model.packed(), d) == pytest.approx(1 / model.speed(d), rel=1e-11)
@@ -64,7 +67,9 @@ def test_distance_map_equals_point_distance():
         np.testing.assert_allclose(robot_distance("planar_arm", points, q), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("bad", [{"leak": -0.1}, {"u_bar": 0.0}, {"s": np.nan}, {"a_min": 2.0}, {"d0": np.inf}])
+@pytest.mark.parametrize(
+    "bad", [{"leak": -0.1}, {"u_bar": 0.0}, {"s": np.nan}, {"a_min": 2.0}, {"d0": np.inf}]
+)
 def test_numbers_out_of_range_are_refused(bad):
     with pytest.raises(InvalidParameterError, match=next(iter(bad))):
         SpeedModel(**bad)
@@ -72,7 +77,9 @@ def test_numbers_out_of_range_are_refused(bad):
 
 @pytest.mark.parametrize("leak", [1.0, 1.5, -1e-3, np.inf, np.nan])
 def test_a_wall_that_slows_nothing_is_none(leak):
-    with pytest.raises(InvalidParameterError, match=r"leak must be finite and in \[0.0, 1.0\), got"):
+    with pytest.raises(
+        InvalidParameterError, match=r"leak must be finite and in \[0.0, 1.0\), got"
+    ):
         SpeedModel(leak=leak)
     assert SpeedModel(leak=0.99).speed(0.0) == pytest.approx(0.99 * 0.05)
     assert SpeedModel(a_min=1.0, floor=1.0).a_min == 1.0  # the other shares may reach 1

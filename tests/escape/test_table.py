@@ -43,7 +43,9 @@ def test_a_coarse_table_is_near_the_exact_field(field):
 def test_a_finer_table_is_nearer(field):
     points, q = sample("curled", 30, 100)
     exact, coarse = GridField(ROBOT, 130, "marching"), TableField(ROBOT, resolution=25, spacing=0.3)
-    errors = [np.abs(kind.query(points, q) - exact.query(points, q)).mean() for kind in (coarse, field)]
+    errors = [
+        np.abs(kind.query(points, q) - exact.query(points, q)).mean() for kind in (coarse, field)
+    ]
     assert errors[1] < 0.5 * errors[0]
 
 
@@ -51,14 +53,29 @@ def test_no_point_escapes_faster_than_in_a_straight_line(field):
     rng = np.random.default_rng(1)
     q, points = draw_configurations(ROBOT, "uniform", 50, rng), rng.uniform(-1.1, 1.1, (50, 100, 2))
     T, bound = field.query(points, q), (R - np.hypot(*points.transpose(2, 0, 1))) / U_BAR
-    assert np.isfinite(T).all() and (T - np.maximum(bound, 0.0) >= 0).all() and (T[bound > 0] > 0).all()
+    assert (
+        np.isfinite(T).all()
+        and (T - np.maximum(bound, 0.0) >= 0).all()
+        and (T[bound > 0] > 0).all()
+    )
 
 
 def test_pressing_into_the_wall_does_not_pay_as_a_cage_does(field):
-    """From just outside the wall to just inside T rises at about the slowness of free space there, 1 / (0.3 u_bar)."""
+    """From just outside the wall to just inside T rises at about the slowness of free space there,
+    1 / (0.3 u_bar).
+    """
     points, q = sample("curled", 200, 20, seed=3)
     h = 1e-6 * np.eye(2)
-    away = np.stack([robot_distance(ROBOT, points + e, q) - robot_distance(ROBOT, points - e, q) for e in h], -1) / 2e-6
+    away = (
+        np.stack(
+            [
+                robot_distance(ROBOT, points + e, q) - robot_distance(ROBOT, points - e, q)
+                for e in h
+            ],
+            -1,
+        )
+        / 2e-6
+    )
     depth = robot_distance(ROBOT, points, q)[..., None]
     outer, inner = (points + (d - depth) * away for d in (0.035, 0.015))  # (200, 20, 2)
     clear = np.abs(robot_distance(ROBOT, outer, q) - 0.035) < 1e-3  # of other links
@@ -73,7 +90,9 @@ def test_gradients_are_finite_differences(any_robot):
     field, h = TableField(any_robot, resolution=33, spacing=0.3), 1e-7
     points, q = sample("curled", 100, 2, any_robot)
     T, dT_dp, dT_dq = field.gradients(points, q)
-    assert (field.query(points, q) == T).all() and (field.point_gradients(points, q)[1] == dT_dp).all()
+    assert (field.query(points, q) == T).all() and (
+        field.point_gradients(points, q)[1] == dT_dp
+    ).all()
     for axis in range(2):
         step = h * np.eye(2)[axis]
         slope = (field.query(points + step, q) - field.query(points - step, q)) / (2 * h)
@@ -89,7 +108,9 @@ def test_gradients_point_as_the_exact_ones_do(field):
     found, true = field.gradients(points, q), GridField(ROBOT, 130, "marching").gradients(points, q)
     felt = np.linalg.norm(true[2], axis=-1) > 0.5
     for a, b in zip(found[1:], true[1:], strict=True):
-        cosine = (a * b).sum(-1) / np.maximum(np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-12)
+        cosine = (a * b).sum(-1) / np.maximum(
+            np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-12
+        )
         assert np.median(cosine[felt]) > 0.99
         length = np.linalg.norm(a, axis=-1) / np.maximum(np.linalg.norm(b, axis=-1), 1e-12)
         assert 0.9 < np.median(length[felt]) < 1.35  # a coarse table's slopes are steep
@@ -97,7 +118,9 @@ def test_gradients_point_as_the_exact_ones_do(field):
 
 @pytest.mark.parametrize("any_robot", [ROBOT, "sliding_capsules", "turned_capsules"], indirect=True)
 def test_rows_do_not_depend_on_each_other(any_robot):
-    one, many = (TableField(any_robot, resolution=33, spacing=0.3, threads=threads) for threads in (1, 3))
+    one, many = (
+        TableField(any_robot, resolution=33, spacing=0.3, threads=threads) for threads in (1, 3)
+    )
     points, q = sample("curled", 7, 3, any_robot)
     batch, split = one.gradients(points, q), many.gradients(points, q)
     for row in range(len(q)):
@@ -167,7 +190,9 @@ def test_a_table_is_kept(fresh):
     assert kept.stat().st_mtime_ns == stamp and list((folder / "tables").iterdir()) == [kept]
 
 
-@pytest.mark.parametrize("change", [{"spacing": 0.4}, {"resolution": 17}, {"speed": SpeedModel(leak=0.1)}])
+@pytest.mark.parametrize(
+    "change", [{"spacing": 0.4}, {"resolution": 17}, {"speed": SpeedModel(leak=0.1)}]
+)
 def test_another_table_has_another_file(fresh, change):
     folder, solved = fresh
     for options in (TINY, {**TINY, **change}):
@@ -179,7 +204,8 @@ def test_another_table_has_another_file(fresh, change):
 def test_a_base_that_slides_shares_the_table_of_one_that_stands(fresh, contact):
     folder, solved = fresh
     still, sliding = (
-        TableField(**{**TINY, "robot_name": f"{base}franka{contact}_capsules"}) for base in ("", "mobile_")
+        TableField(**{**TINY, "robot_name": f"{base}franka{contact}_capsules"})
+        for base in ("", "mobile_")
     )
     assert len(solved) == len(list((folder / "tables").iterdir())) == 1
     points, q = sample("curled", 20, 10, still.robot_name)
@@ -188,14 +214,23 @@ def test_a_base_that_slides_shares_the_table_of_one_that_stands(fresh, contact):
     moved = sliding.gradients(points + places[:, None], np.column_stack([places, q]))
     for a, b in zip(moved[:2], still.gradients(points, q)[:2], strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(moved[2][..., 2:], still.gradients(points, q)[2], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(moved[2][..., :2], -moved[1], rtol=1e-9, atol=1e-9)  # it moves instead of the point
+    np.testing.assert_allclose(
+        moved[2][..., 2:], still.gradients(points, q)[2], rtol=1e-9, atol=1e-9
+    )
+    # it moves instead of the point
+    np.testing.assert_allclose(moved[2][..., :2], -moved[1], rtol=1e-9, atol=1e-9)
     assert (sliding.query(points + 0.5, np.column_stack([places, q])) != moved[0]).any()
 
 
 @pytest.mark.parametrize(
     "damage",
-    [lambda b: b"", lambda b: b[:50], lambda b: b[:-4], lambda b: b[:-1] + bytes([b[-1] ^ 1]), lambda b: b"x" + b[1:]],
+    [
+        lambda b: b"",
+        lambda b: b[:50],
+        lambda b: b[:-4],
+        lambda b: b[:-1] + bytes([b[-1] ^ 1]),
+        lambda b: b"x" + b[1:],
+    ],
     ids=["empty", "cut in the header", "cut", "a bit", "header"],
 )
 def test_a_broken_file_is_replaced(fresh, damage):
@@ -232,7 +267,10 @@ def test_without_a_folder_the_table_stays_in_memory(fresh, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"robot_name": "planar_arm"}, "2 turning joints after the first.*has 3.*'network' or 'grid'"),
+        (
+            {"robot_name": "planar_arm"},
+            "2 turning joints after the first.*has 3.*'network' or 'grid'",
+        ),
         ({"speed": SpeedModel(leak=0.0)}, "hard wall"),
         ({"resolution": 15}, "at least 16"),
         ({"spacing": 0.001}, "0.01 and 0.5 rad, got 0.001"),

@@ -39,7 +39,9 @@ def shifted_joint(robot):
 def thicker_link(robot):
     link = robot.links[-1]
     shapes = tuple(dataclasses.replace(shape, radius=shape.radius + 1e-6) for shape in link.shapes)
-    return dataclasses.replace(robot, links=(*robot.links[:-1], dataclasses.replace(link, shapes=shapes)))
+    return dataclasses.replace(
+        robot, links=(*robot.links[:-1], dataclasses.replace(link, shapes=shapes))
+    )
 
 
 def narrower_limit(robot):
@@ -85,13 +87,16 @@ def test_another_version_has_another_key(keys, monkeypatch):
 
 
 def test_the_version_stands_for_the_numbers(tmp_path, monkeypatch):
-    """A change that moves a table's numbers needs another version, or users would go on with the ones they keep."""
+    """A change that moves a table's numbers needs another version, or users would go on with the
+    ones they keep.
+    """
     monkeypatch.setenv("PIEC_CACHE", str(tmp_path))
     excess = TableField(**TINY)._table.excess.astype(float)  # (A, B, N, N)
     means = excess.mean(axis=(2, 3)).ravel()
     kept = json.loads(KEPT.read_text())
     same = len(kept["means"]) == len(means) and np.allclose(means, kept["means"], rtol=1e-6)
     assert (kept["version"], same) == (table_key.VERSION, True), (
-        f"tables have other numbers than those of version {kept['version']}: raise VERSION, and write it with the "
+        f"tables have other numbers than those of version {kept['version']}: raise VERSION, and "
+        f"write it with the "
         f"means {np.round(means, 9).tolist()} into {KEPT.name}"
     )

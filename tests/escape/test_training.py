@@ -1,4 +1,6 @@
-"""Training of escape fields: every recipe runs, repeats itself and survives a kill; its parts obey their laws."""
+"""Training of escape fields: every recipe runs, repeats itself and survives a kill; its parts obey
+their laws.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,23 @@ from piec_envs.errors import InvalidParameterError, UnknownNameError, WeightsErr
 from piec_envs.escape import SpeedModel, make_field  # noqa: E402
 from piec_envs.escape.network import NetworkField  # noqa: E402
 from piec_envs.escape.samples import robot_distance  # noqa: E402
-from piec_envs.escape.training import RECIPES, get_recipe, heldout, sampling, train_field, trainer  # noqa: E402
+from piec_envs.escape.training import (  # noqa: E402
+    RECIPES,
+    get_recipe,
+    heldout,
+    sampling,
+    train_field,
+    trainer,
+)
 from piec_envs.escape.training.checkpoint import read_checkpoint  # noqa: E402
 from piec_envs.escape.training.lookahead import Paths, even_directions  # noqa: E402
-from piec_envs.escape.training.recipes import Bellman, Extended, Fitted, Labelled, Residual  # noqa: E402
+from piec_envs.escape.training.recipes import (  # noqa: E402
+    Bellman,
+    Extended,
+    Fitted,
+    Labelled,
+    Residual,
+)
 from piec_envs.escape.training.residual import ResidualLoss  # noqa: E402
 from piec_envs.escape.training.trainer import Training, learning_rate  # noqa: E402
 from piec_envs.escape.weights import FieldWeights  # noqa: E402
@@ -83,20 +98,25 @@ def test_a_recipe_goes_on_from_every_stop_to_the_weights_of_an_unbroken_run(name
     assert_equal(weights, unbroken)
     assert weights.record["held_out"] == unbroken.record["held_out"]
     assert [path.name for path in tmp_path.iterdir()] == [file.name]
-    assert_equal(Training(recipe, ARM, 3, file).run(progress=False), unbroken)  # nothing is left to do
+    # nothing is left to do
+    assert_equal(Training(recipe, ARM, 3, file).run(progress=False), unbroken)
 
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_lessens_its_loss_and_repeats_itself(name):
     recipe = tiny(name, iterations=60, batch=128)
-    first, again = (train_field(recipe, ARM, 1, progress=False, threads=threads) for threads in (1, 2))
+    first, again = (
+        train_field(recipe, ARM, 1, progress=False, threads=threads) for threads in (1, 2)
+    )
     assert_equal(again, first)
     other = train_field(dataclasses.replace(recipe, iterations=1), ARM, 2, progress=False)
     assert not np.array_equal(other.arrays["w_in"], first.arrays["w_in"])
     loss = [row["loss"] for row in first.record["held_out"]]
     assert np.mean(loss[-3:]) < 0.9 * loss[0]
     assert all(np.isfinite(array).all() for array in first.arrays.values())
-    assert first.recipe["method"] == type(recipe).__name__ and first.seed == 1 and first.robot == ARM
+    assert (
+        first.recipe["method"] == type(recipe).__name__ and first.seed == 1 and first.robot == ARM
+    )
 
 
 KILLED = """
@@ -104,7 +124,9 @@ import dataclasses, json, os, signal, sys
 import torch
 torch.set_num_threads(1)
 from piec_envs.escape.training import RECIPES, train_field, trainer
-name, settings, file, write = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], trainer.write_checkpoint
+name, file = sys.argv[1], sys.argv[3]
+settings = json.loads(sys.argv[2])
+write = trainer.write_checkpoint
 settings["lengths"] = tuple(settings["lengths"])
 trainer.CHECKPOINT_SECONDS = 0.0
 def write_and_die(path, training):
@@ -112,14 +134,17 @@ def write_and_die(path, training):
     if training.iteration == 8:
         os.kill(os.getpid(), signal.SIGKILL)
 trainer.write_checkpoint = write_and_die
-train_field(dataclasses.replace(RECIPES[name], **settings), "planar_arm", 5, file, threads=1, progress=False)
+recipe = dataclasses.replace(RECIPES[name], **settings)
+train_field(recipe, "planar_arm", 5, file, threads=1, progress=False)
 """
 
 
 def test_a_training_killed_in_the_middle_of_a_round_ends_with_the_same_weights(tmp_path):
     file = tmp_path / "new" / "field.npz"
     command = [sys.executable, "-c", KILLED, "pinn", json.dumps(settings_of("pinn")), str(file)]
-    done = subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True)
+    done = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True
+    )
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert [path.name for path in file.parent.iterdir()] == ["field.checkpoint.npz"]
     weights = train_field(tiny("pinn"), ARM, 5, file, progress=False)
@@ -146,7 +171,13 @@ def test_another_trainings_or_a_broken_checkpoint_is_refused(tmp_path, random_we
     with pytest.raises(WeightsError, match="belongs to another training"):
         read_checkpoint(file, elsewhere)
     good, rng = file.read_bytes(), np.random.default_rng(0)
-    for bad in (b"", b"nothing", good[:100], good[:-100], random_weights().save(tmp_path / "w.npz").read_bytes()):
+    for bad in (
+        b"",
+        b"nothing",
+        good[:100],
+        good[:-100],
+        random_weights().save(tmp_path / "w.npz").read_bytes(),
+    ):
         file.write_bytes(bad)
         with pytest.raises(WeightsError, match=r"is no checkpoint, or is broken.*move it away"):
             Training(recipe, ARM, 0, file, threads=1)
@@ -208,7 +239,10 @@ def test_learning_rates_fall():
     cosine, halving = RECIPES["network"], RECIPES["pinn-paper"]
     rates = [learning_rate(cosine, k, 100) for k in range(100)]
     assert rates[0] == cosine.learning_rate and (np.diff(rates) < 0).all() and rates[-1] > 0
-    assert learning_rate(halving, 1999, 20_000) == 1e-3 and learning_rate(halving, 4000, 20_000) == 2.5e-4
+    assert (
+        learning_rate(halving, 1999, 20_000) == 1e-3
+        and learning_rate(halving, 4000, 20_000) == 2.5e-4
+    )
 
 
 def test_training_points_keep_their_distance(monkeypatch):
@@ -217,7 +251,9 @@ def test_training_points_keep_their_distance(monkeypatch):
     robot = get_robot(ARM)
     assert q.shape == (30, 4) and points.shape == (30, 20, 2)
     assert (q >= robot.joint_array("lower")).all() and (q <= robot.joint_array("upper")).all()
-    assert (np.hypot(*points.transpose(2, 0, 1)) < R).all() and (robot_distance(ARM, points, q) >= 0).all()
+    assert (np.hypot(*points.transpose(2, 0, 1)) < R).all() and (
+        robot_distance(ARM, points, q) >= 0
+    ).all()
     band = robot_distance(ARM, sampling.clear_points(ARM, q, 20, rng, 0.031, 0.1), q)
     assert band.min() >= 0.031 and band.max() <= 0.1
     recipe = dataclasses.replace(RECIPES["pinn-paper"], batch=300)
@@ -233,7 +269,9 @@ def test_training_points_keep_their_distance(monkeypatch):
 @pytest.fixture
 def paths(random_weights):
     """Look-aheads with a network that knows little."""
-    return Paths(ARM, NetworkField(ARM, random_weights(rise=0.2), threads=1), tiny("pinn", descent_steps=80))
+    return Paths(
+        ARM, NetworkField(ARM, random_weights(rise=0.2), threads=1), tiny("pinn", descent_steps=80)
+    )
 
 
 def test_lines_in_free_space_take_their_length_over_the_speed(paths):
@@ -247,7 +285,9 @@ def test_lines_in_free_space_take_their_length_over_the_speed(paths):
     assert (paths.field.query(ends[:, 2:], q) == 0).all()
 
 
-@pytest.mark.parametrize("speed", [SpeedModel(), SpeedModel(s=8.0, tau=0.2), SpeedModel(s=0.0)], ids=str)
+@pytest.mark.parametrize(
+    "speed", [SpeedModel(), SpeedModel(s=8.0, tau=0.2), SpeedModel(s=0.0)], ids=str
+)
 def test_lines_among_the_links_take_the_integral_of_the_slowness(speed, random_weights):
     paths = Paths(ARM, NetworkField(ARM, random_weights(speed=speed), threads=1), tiny("pinn"))
     rng = np.random.default_rng(1)
@@ -258,7 +298,8 @@ def test_lines_among_the_links_take_the_integral_of_the_slowness(speed, random_w
     along = points[:, :, None] + share[:, None] * (ends - points)[:, :, None]  # (40, 3, 4000, 2)
     distance = robot_distance(ARM, along.reshape(40, -1, 2), q).reshape(40, 3, -1)
     true = np.linalg.norm(ends - points, axis=-1) * (1 / speed.speed(distance)).mean(axis=-1)
-    np.testing.assert_allclose(times, true, rtol=0.06)  # where a line grazes the wall, steps of 2 mm count
+    # where a line grazes the wall, steps of 2 mm count
+    np.testing.assert_allclose(times, true, rtol=0.06)
     assert np.median(np.abs(times / true - 1)) < 0.003
 
 
@@ -269,7 +310,9 @@ def test_targets_of_paths_bound_the_time_from_above(paths):
     reachable = np.isfinite(make_field("grid", speed={"leak": 0.0}).query(points, q)).ravel()
     q, points = np.repeat(q, 10, axis=0), points.reshape(-1, 2)
     straight, descent = paths.straight_out(q, points, rng), paths.descend(q, points)
-    assert reachable.mean() > 0.5 and np.isfinite(straight).all() and np.isfinite(descent).mean() > 0.5
+    assert (
+        reachable.mean() > 0.5 and np.isfinite(straight).all() and np.isfinite(descent).mean() > 0.5
+    )
     for bound in (straight, descent):
         assert (bound[reachable] >= 0.98 * true[reachable]).all()
     assert np.median(straight[reachable] / true[reachable]) < 1.2
@@ -278,6 +321,8 @@ def test_targets_of_paths_bound_the_time_from_above(paths):
 def test_checkpoints_are_written_now_and_then(tmp_path, monkeypatch):
     written = []
     monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
-    monkeypatch.setattr(trainer, "write_checkpoint", lambda path, training: written.append(training.iteration))
+    monkeypatch.setattr(
+        trainer, "write_checkpoint", lambda path, training: written.append(training.iteration)
+    )
     train_field(tiny("network"), file=tmp_path / "a.npz", progress=False)
     assert written == [1, 2, 3, 4, 5, 5]

@@ -32,7 +32,9 @@ def pair(random_weights, tmp_path):
 def rewrite(sidecar, **changes):
     """Change entries of a sidecar; None leaves one out."""
     meta = {**json.loads(sidecar.read_text()), **changes}
-    sidecar.write_text(json.dumps({name: value for name, value in meta.items() if value is not None}))
+    sidecar.write_text(
+        json.dumps({name: value for name, value in meta.items() if value is not None})
+    )
 
 
 def reread(arrays, file):
@@ -51,7 +53,9 @@ def test_what_ships_is_whole_and_says_how_it_was_trained(path):
     assert weights.record["seconds"] > 0 and weights.record["held_out"][-1]["median"] < 0.05
     assert weights.speed == SpeedModel()
     q = get_robot(weights.robot).home
-    assert (make_field("network", weights.robot, weights=name).query(np.full((1, 2), 0.3), q) > 0).all()
+    assert (
+        make_field("network", weights.robot, weights=name).query(np.full((1, 2), 0.3), q) > 0
+    ).all()
 
 
 @pytest.mark.parametrize("inputs", ["skeleton", "raw"])
@@ -60,7 +64,10 @@ def test_what_is_saved_is_read_again(inputs, random_weights, tmp_path):
     weights = random_weights(inputs, 12, 3, seed=7, speed=speed, record={"seconds": 1.5})
     file = weights.save(tmp_path / "deep" / "down" / "field")
     again = FieldWeights.load(file.with_suffix(""))
-    assert file.name == "field.npz" and {path.name for path in file.parent.iterdir()} == {"field.npz", "field.json"}
+    assert file.name == "field.npz" and {path.name for path in file.parent.iterdir()} == {
+        "field.npz",
+        "field.json",
+    }
     for item in dataclasses.fields(FieldWeights):
         if item.name != "arrays":
             assert getattr(again, item.name) == getattr(weights, item.name)
@@ -191,7 +198,11 @@ def test_files_of_another_kind_are_refused(pair):
     [
         ("w", lambda a: a * np.nan, "w must be finite"),
         ("b_out", lambda a: a + np.inf, "b_out must be finite"),
-        ("w_in", lambda a: a[:, :-1], r"w_in must be finite, of shape \(8, 45\); got shape \(8, 44\)"),
+        (
+            "w_in",
+            lambda a: a[:, :-1],
+            r"w_in must be finite, of shape \(8, 45\); got shape \(8, 44\)",
+        ),
         ("b", lambda a: a[None], "must be finite, of shape"),
         ("w_out", lambda a: a[:, None], "w_out"),
         ("scale", lambda a: 0 * a, "scale must be above 0"),

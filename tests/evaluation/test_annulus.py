@@ -37,13 +37,17 @@ def test_paths_by_hand():
 
 
 def test_from_the_centre_of_the_cavity_the_way_is_straight():
-    assert UPRIGHT.leaky_time(np.array([0.5, 0.0]), 0.05) == pytest.approx(0.4 + 0.1 / 0.05, rel=1e-9)
+    assert UPRIGHT.leaky_time(np.array([0.5, 0.0]), 0.05) == pytest.approx(
+        0.4 + 0.1 / 0.05, rel=1e-9
+    )
     assert UPRIGHT.leaky_time(np.array([0.5, 0.0]), 0.0) == np.inf
 
 
 @pytest.mark.parametrize("leak", [0.05, 0.3])
 def test_refraction_obeys_snells_law_on_a_flat_wall(leak):
-    """Through one wall alone: minimise over where the path enters and leaves it, by another method."""
+    """Through one wall alone: minimise over where the path enters and leaves it, by another
+    method.
+    """
     from scipy.optimize import minimize
 
     annulus, star = Annulus(angle=0.0), np.array([0.58, 0.1])

@@ -16,7 +16,14 @@ from piec_envs.errors import InvalidParameterError
 from piec_envs.escape import make_field
 
 ROOT = Path(__file__).resolve().parents[2]
-TINY = ["--planner", "iterations=1", "population=4", "restarts=1", "start=rest", "robust_iterations=0"]
+TINY = [
+    "--planner",
+    "iterations=1",
+    "population=4",
+    "restarts=1",
+    "start=rest",
+    "robust_iterations=0",
+]
 
 
 HELP = """
@@ -25,8 +32,8 @@ from evaluation.cli import main
 try:
     main(["--help"])
 except SystemExit:
-    print([name for name in ("torch", "mujoco", "matplotlib", "cma", "scipy") if name in sys.modules])
-"""
+    print([name for name in ("torch", "mujoco", "matplotlib", "cma", "scipy") if name in
+sys.modules]) """
 
 
 @pytest.fixture
@@ -46,7 +53,9 @@ def plan_file(sweep_plan, tmp_path):
 
 
 def test_help_is_quick_and_lists_every_command():
-    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", HELP], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert done.stdout.rstrip().endswith("[]")
     assert all(name in done.stdout for name in COMMANDS)
 
@@ -64,16 +73,24 @@ def test_every_command_helps_with_an_example(name, capsys):
 def test_list(piec, capsys):
     code, tables = piec("list")
     assert code == 0
-    assert "piec_envs/PlanarArmPush-v0" in tables["environments"] and "disturbance-5mm" in tables["protocols"]
+    assert (
+        "piec_envs/PlanarArmPush-v0" in tables["environments"]
+        and "disturbance-5mm" in tables["protocols"]
+    )
     assert set(tables["commands"]) == set(COMMANDS)
-    assert "label-free" in tables["recipes of train-field"]["pinn"] and "label-free" in tables["escape fields"]["pinn"]
+    assert (
+        "label-free" in tables["recipes of train-field"]["pinn"]
+        and "label-free" in tables["escape fields"]["pinn"]
+    )
     assert main(["list"]) == 0
     assert "planar-disturbance" in capsys.readouterr().out
 
 
 def test_plan(piec, tmp_path):
     out = tmp_path / "new" / "plan.npz"
-    code, document = piec("plan", "--objective", "contact", *TINY, "--set", "object=square", "--out", out)
+    code, document = piec(
+        "plan", "--objective", "contact", *TINY, "--set", "object=square", "--out", out
+    )
     assert code == 0 and out.exists()
     assert document["wrote"] == [str(out)] and document["nominal"]["d2g"] >= 0
 
@@ -101,7 +118,16 @@ def test_demo(piec, tmp_path):
 
 
 def test_render(piec, plan_file, tmp_path):
-    code, document = piec("render", plan_file, "--frames", 2, "--out", tmp_path / "a.gif", "--set", "escape_field=null")
+    code, document = piec(
+        "render",
+        plan_file,
+        "--frames",
+        2,
+        "--out",
+        tmp_path / "a.gif",
+        "--set",
+        "escape_field=null",
+    )
     assert code == 0 and document["end"]["d2g"] > 0
     assert (tmp_path / "a.gif").read_bytes()[:3] == b"GIF"
     code, _ = piec("render", "--state", '{"pose": [0.5, 0.4, 0.0]}', "--out", tmp_path / "a.png")
@@ -126,28 +152,58 @@ def test_render_takes_from_the_plan_what_it_was_made_for(piec, sweep_plan, tmp_p
 
 
 def test_bench(piec, tmp_path, monkeypatch):
-    monkeypatch.setattr("evaluation.bench.demo._run_demo", lambda *arguments: 1.0)  # test_demo runs it
+    # test_demo runs it
+    monkeypatch.setattr("evaluation.bench.demo._run_demo", lambda *arguments: 1.0)
     code, document = piec("bench", "--quick", "--out", tmp_path / "bench.json")
     assert code == 0
     assert json.loads((tmp_path / "bench.json").read_text())["rows"] == document["rows"]
-    names = {"contact step, fast over osqp", "rank of plan costs", "default plan, caging", "piec demo, warm"}
+    names = {
+        "contact step, fast over osqp",
+        "rank of plan costs",
+        "default plan, caging",
+        "piec demo, warm",
+    }
     assert names <= {row["benchmark"] for row in document["rows"]}
-    assert document["missed"] == [row["benchmark"] for row in document["rows"] if row["met"] == "miss"]
+    assert document["missed"] == [
+        row["benchmark"] for row in document["rows"] if row["met"] == "miss"
+    ]
     assert "targets are met" in (tmp_path / "bench.md").read_text()
 
 
 def test_train_field(piec, tmp_path, capsys):
     pytest.importorskip("torch")
-    numbers = ["configurations=6", "points=8", "iterations=3", "batch=16", "width=8", "rounds=1", "lengths=[0.1, 0.4]"]
-    arguments = ["train-field", "--recipe", "pinn", "--threads", "1", "--out", tmp_path, "--set", *numbers]
+    numbers = [
+        "configurations=6",
+        "points=8",
+        "iterations=3",
+        "batch=16",
+        "width=8",
+        "rounds=1",
+        "lengths=[0.1, 0.4]",
+    ]
+    arguments = [
+        "train-field",
+        "--recipe",
+        "pinn",
+        "--threads",
+        "1",
+        "--out",
+        tmp_path,
+        "--set",
+        *numbers,
+    ]
     code, document = piec(*arguments)
     file = tmp_path / "planar_arm-pinn.npz"
     assert code == 0 and document["wrote"] == [str(file), str(file.with_suffix(".json"))]
     assert document["held_out"]["median"] > 0 and document["settings"]["lengths"] == [0.1, 0.4]
-    assert (make_field("network", weights=str(file)).query(np.full((1, 2), 0.3), np.zeros(4)) > 0).all()
+    assert (
+        make_field("network", weights=str(file)).query(np.full((1, 2), 0.3), np.zeros(4)) > 0
+    ).all()
     assert main([str(argument) for argument in arguments]) == 0
     text = capsys.readouterr().out
-    assert f'make_field("network", "planar_arm", weights="{file}")' in text and f"wrote {file}" in text
+    assert (
+        f'make_field("network", "planar_arm", weights="{file}")' in text and f"wrote {file}" in text
+    )
     assert main(["train-field", "--device", "quantum", "--out", str(tmp_path)]) == 2
     assert "device 'quantum'" in capsys.readouterr().err
 

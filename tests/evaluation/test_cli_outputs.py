@@ -23,8 +23,16 @@ from planners import CmaEsPlanner, Plan, PlanningInterrupted
 from planners import cma_es as cma_module
 
 ROOT = Path(__file__).resolve().parents[2]
-TINY = ["--planner", "iterations=2", "population=4", "restarts=1", "start=rest", "robust_iterations=0"]
-# What each command needs to run, were its output all right, and what it writes there, "" for a folder.
+TINY = [
+    "--planner",
+    "iterations=2",
+    "population=4",
+    "restarts=1",
+    "start=rest",
+    "robust_iterations=0",
+]
+# What each command needs to run, were its output all right, and what it writes there, "" for a
+# folder.
 WRITERS = {
     "plan": (["--objective", "contact", *TINY], "plan.npz"),
     "evaluate": (["missing.npz"], ""),
@@ -61,7 +69,9 @@ def _has_out(name: str) -> bool:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(name, tmp_path, monkeypatch, capsys):
+def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(
+    name, tmp_path, monkeypatch, capsys
+):
     arguments, file = WRITERS[name]
     (tmp_path / "file").write_text("in the way")
     args = parsed(name, *arguments, "--out", tmp_path / "file" / "folder" / file)
@@ -94,7 +104,9 @@ FOREIGN = {
 }
 
 
-@pytest.mark.parametrize(("name", "file"), [(name, file) for name, files in FOREIGN.items() for file in files])
+@pytest.mark.parametrize(
+    ("name", "file"), [(name, file) for name, files in FOREIGN.items() for file in files]
+)
 @pytest.mark.parametrize("content", ["three years of work", "{}", "[1]"])
 def test_a_file_that_is_not_ours_is_left_alone(name, file, content, tmp_path):
     path = tmp_path / file
@@ -146,7 +158,14 @@ def interrupt_after(monkeypatch, iterations: int) -> None:
     monkeypatch.setattr(cma_module.PathCost, "nominal", nominal)
 
 
-SMALL = {"iterations": 4, "population": 4, "restarts": 2, "screening": 2, "survivors": 1, "start": "rest"}
+SMALL = {
+    "iterations": 4,
+    "population": 4,
+    "restarts": 2,
+    "screening": 2,
+    "survivors": 1,
+    "start": "rest",
+}
 
 
 @pytest.mark.parametrize("done", [1, 3])
@@ -168,13 +187,18 @@ def test_an_interrupted_planner_without_a_plan_has_none(monkeypatch):
     assert not isinstance(stopped.value, PlanningInterrupted)
 
 
-def test_piec_plan_keeps_the_best_so_far_and_overwrites_no_plan_with_it(tmp_path, monkeypatch, capsys):
+def test_piec_plan_keeps_the_best_so_far_and_overwrites_no_plan_with_it(
+    tmp_path, monkeypatch, capsys
+):
     interrupt_after(monkeypatch, 1)
     out = tmp_path / "plan.npz"
     arguments = ["plan", "--objective", "contact", *TINY, "--out", str(out), "--json"]
     assert main(arguments) == 130
     captured = capsys.readouterr()
-    assert "interrupted after 1 of 2 iterations" in captured.err and str(out) in json.loads(captured.out)["error"]
+    assert (
+        "interrupted after 1 of 2 iterations" in captured.err
+        and str(out) in json.loads(captured.out)["error"]
+    )
     first = out.read_bytes()
     assert Plan.load(out).objective == "contact"
     monkeypatch.undo()
@@ -186,7 +210,9 @@ def test_piec_plan_keeps_the_best_so_far_and_overwrites_no_plan_with_it(tmp_path
 
 def test_piec_plan_keeps_nothing_where_there_is_nothing(tmp_path, monkeypatch, capsys):
     interrupt_after(monkeypatch, 0)
-    assert main(["plan", "--objective", "contact", *TINY, "--out", str(tmp_path / "plan.npz")]) == 130
+    assert (
+        main(["plan", "--objective", "contact", *TINY, "--out", str(tmp_path / "plan.npz")]) == 130
+    )
     assert "nothing is kept" in capsys.readouterr().err and not any(tmp_path.iterdir())
 
 
@@ -203,7 +229,16 @@ def test_what_is_kept_is_counted(tmp_path, monkeypatch, capsys, sweep_plan):
         raise KeyboardInterrupt
 
     run = rollout._run_rows
-    arguments = ["evaluate", str(plan), "--episodes", "2", "--set", "escape_field=null", "--out", str(tmp_path / "out")]
+    arguments = [
+        "evaluate",
+        str(plan),
+        "--episodes",
+        "2",
+        "--set",
+        "escape_field=null",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main([*arguments, "--protocol", "nominal"]) == 0
     monkeypatch.setattr(rollout, "_run_rows", stop)
     assert main([*arguments, "--protocol", "nominal", "disturbance-5mm"]) == 130
@@ -220,12 +255,16 @@ def test_what_is_kept_of_a_study_is_that_of_its_records(tmp_path):
         for seed, work in enumerate(("plan", "plan", "evaluate", None)):
             file.append(make_record({} if work is None else {"work": work}, seed, {}, 0.1))
     said = kept.kept_by(parsed("reproduce", "eikonal-toy", "--out", tmp_path))
-    assert said.startswith(f"2 plans, 1 evaluation, 1 piece of work recorded in {tmp_path}; the same command")
+    assert said.startswith(
+        f"2 plans, 1 evaluation, 1 piece of work recorded in {tmp_path}; the same command"
+    )
 
 
 def test_a_training_that_was_stopped_names_its_checkpoint(tmp_path):
     (tmp_path / "planar_arm-network.checkpoint.npz").write_bytes(b"")
-    assert "planar_arm-network.checkpoint.npz, is kept" in kept.kept_by(parsed("train-field", "--out", tmp_path))
+    assert "planar_arm-network.checkpoint.npz, is kept" in kept.kept_by(
+        parsed("train-field", "--out", tmp_path)
+    )
     (tmp_path / "checkpoint-000000000100").mkdir()
     assert "last checkpoint" in kept.kept_by(parsed("train", "--out", tmp_path))
     (tmp_path / "agent.json").write_text("{}")
@@ -269,7 +308,9 @@ def test_quiet_leaves_out_notes_and_bars_alone(monkeypatch, capsys):
 def test_quiet_stands_before_or_behind_the_command_and_ends_with_it(arguments, monkeypatch, capsys):
     monkeypatch.delenv("PIEC_QUIET", raising=False)
     seen = []
-    monkeypatch.setattr("evaluation.commands.listing._tables", lambda: seen.append(quiet()) or {"a": {"b": "c"}})
+    monkeypatch.setattr(
+        "evaluation.commands.listing._tables", lambda: seen.append(quiet()) or {"a": {"b": "c"}}
+    )
     assert main(arguments) == 0 and seen == [True]
     assert "PIEC_QUIET" not in os.environ and "b  c" in capsys.readouterr().out
 
@@ -277,17 +318,21 @@ def test_quiet_stands_before_or_behind_the_command_and_ends_with_it(arguments, m
 def test_version(capsys):
     with pytest.raises(SystemExit) as leaving:
         main(["--version"])
-    assert leaving.value.code == 0 and capsys.readouterr().out.startswith(f"piec-envs {__version__} (")
+    assert leaving.value.code == 0 and capsys.readouterr().out.startswith(
+        f"piec-envs {__version__} ("
+    )
 
 
 LIST = """
 import sys
 from evaluation.cli import main
 main(["list"])
-print([name for name in ("torch", "mujoco", "matplotlib", "cma") if name in sys.modules], file=sys.stderr)
-"""
+print([name for name in ("torch", "mujoco", "matplotlib", "cma") if name in sys.modules],
+file=sys.stderr) """
 
 
 def test_list_loads_nothing_that_is_slow():
-    done = subprocess.run([sys.executable, "-c", LIST], capture_output=True, text=True, check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", LIST], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert done.stderr.rstrip().endswith("[]")

@@ -19,7 +19,12 @@ from evaluation.jobs import Context, Work, call, run_jobs, run_recorded
 from evaluation.records import read_records
 from evaluation.studies import eikonal_toy
 from evaluation.workers import answer, installed
-from piec_envs.errors import EngineError, InvalidParameterError, MissingDependencyError, UnknownNameError
+from piec_envs.errors import (
+    EngineError,
+    InvalidParameterError,
+    MissingDependencyError,
+    UnknownNameError,
+)
 from piec_envs.versions import install_command
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -60,7 +65,8 @@ def chores(tmp_path_factory):
         patch.syspath_prepend(folder)
         patch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(ROOT)]))
         patch.delenv("RAY_ADDRESS", raising=False)
-        get_reusable_executor().shutdown()  # joblib's workers know the PYTHONPATH that they were started with
+        # joblib's workers know the PYTHONPATH that they were started with
+        get_reusable_executor().shutdown()
         yield
         get_reusable_executor().shutdown()
 
@@ -78,7 +84,8 @@ def workers(request, chores, tmp_path, monkeypatch):
     options = {}
     if request.param == "ray":
         request.getfixturevalue("ray")
-    elif request.param == "slurm":  # submitit's own stand-in for a cluster: processes of this machine
+    # submitit's own stand-in for a cluster: processes of this machine
+    elif request.param == "slurm":
         pytest.importorskip("submitit")
         monkeypatch.setattr(engines, "LATE_SECONDS", 1.0)
         options = {"cluster": "local", "folder": str(tmp_path / "slurm"), "timeout_min": 2}
@@ -115,7 +122,9 @@ def test_a_killed_worker_loses_nothing(workers, tmp_path):
     path = tmp_path / "records.jsonl"
     with workers() as jobs, killing(tmp_path / "1"):
         records = run_recorded("chores:chore", works(tmp_path, "wait to be killed"), path, jobs)
-    assert [record["result"] for record in records] == [{"square": seed**2, "threads": 1} for seed in range(4)]
+    assert [record["result"] for record in records] == [
+        {"square": seed**2, "threads": 1} for seed in range(4)
+    ]
     assert path.read_bytes().count(b"\n") == len(read_records(path)) == 4  # each once
     assert tries(tmp_path, 1) == 2
 
@@ -191,7 +200,10 @@ def test_workers_with_other_versions_are_refused():
 @pytest.mark.parametrize("name", ["ray", "slurm"])
 def test_a_missing_package_names_its_extra(name, monkeypatch):
     monkeypatch.setattr(engines, "find_spec", lambda package: None)
-    with pytest.raises(MissingDependencyError, match=re.escape(install_command(name))), open_engine(name):
+    with (
+        pytest.raises(MissingDependencyError, match=re.escape(install_command(name))),
+        open_engine(name),
+    ):
         pass
 
 
@@ -207,7 +219,9 @@ def test_a_missing_package_names_its_extra(name, monkeypatch):
         ("slurm", 1, {"cluster": "local", "timeout_min": "long"}, EngineError, "timeout_min"),
     ],
 )
-def test_bad_engines_and_options(engine, jobs, options, error, message, request, tmp_path, monkeypatch):
+def test_bad_engines_and_options(
+    engine, jobs, options, error, message, request, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     if engine == "slurm":
         pytest.importorskip("submitit")
@@ -220,5 +234,8 @@ def test_bad_engines_and_options(engine, jobs, options, error, message, request,
 def test_slurm_where_there_is_none(tmp_path, monkeypatch):
     pytest.importorskip("submitit")
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(EngineError, match="srun"), open_engine("slurm", options={"folder": str(tmp_path)}):
+    with (
+        pytest.raises(EngineError, match="srun"),
+        open_engine("slurm", options={"folder": str(tmp_path)}),
+    ):
         pass

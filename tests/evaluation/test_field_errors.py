@@ -30,8 +30,11 @@ def test_error_counts_free_nodes_in_view():
     x, y = np.meshgrid(close.x, close.y)
     inside = (x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)
     assert np.array_equal(close.counted, whole.counted & inside)
-    assert whole.distance[whole.counted].min() > 0.05 and 0 < close.counted.sum() < whole.counted.sum()
-    assert 0 < whole.p95 < close.p95 < close.largest <= whole.largest  # free space far from the robot has no error
+    assert (
+        whole.distance[whole.counted].min() > 0.05 and 0 < close.counted.sum() < whole.counted.sum()
+    )
+    # free space far from the robot has no error
+    assert 0 < whole.p95 < close.p95 < close.largest <= whole.largest
 
 
 def test_error_leaves_out_what_is_enclosed():
@@ -39,4 +42,8 @@ def test_error_leaves_out_what_is_enclosed():
     q = np.array([-2.58, -1.32, -1.93, -1.56])
     error = RelativeError.between(hard, EXACT, q)
     enclosed = np.isinf(hard.solve(q).T) & (error.distance > 0.05)
-    assert enclosed.any() and not np.isfinite(error.percent[enclosed]).any() and not error.counted[enclosed].any()
+    assert (
+        enclosed.any()
+        and not np.isfinite(error.percent[enclosed]).any()
+        and not error.counted[enclosed].any()
+    )

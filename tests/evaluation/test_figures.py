@@ -1,4 +1,6 @@
-"""Figures: files are written whole, have the expected size, repeat bit for bit, and never load pyplot."""
+"""Figures: files are written whole, have the expected size, repeat bit for bit, and never load
+pyplot.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def make_trajectory(mode: str, seed: int) -> figures.Trajectory:
     return figures.Trajectory(mode, "planar_arm", "circle", GOAL, q_r, pose, contact, pose + noise)
 
 
-PLANS = [make_trajectory(mode, seed) for seed, mode in enumerate(("contact", "proximity", "caging"))]
+PLANS = [
+    make_trajectory(mode, seed) for seed, mode in enumerate(("contact", "proximity", "caging"))
+]
 SERIES = {plan.mode: np.linalg.norm(plan.disturbed[..., :2] - GOAL, axis=-1) for plan in PLANS}
 SWEEP = {mode: {0.001: rows, 0.005: 2 * rows} for mode, rows in SERIES.items()}
 FINAL = {mode: {sigma: rows[:, -1] for sigma, rows in row.items()} for mode, row in SWEEP.items()}
@@ -68,13 +72,22 @@ CURLED = np.array([[0.1, 1.15, 1.89, 1.29], [1.9, -0.81, -2.18, -0.96]])
 WITHIN = np.array([[0.34, 0.28], [0.05, 0.43]])
 
 EXECUTED = [
-    [figures.Executed(name, name, run) for name, run in zip(("square", "hexagon"), plan.disturbed, strict=False)]
+    [
+        figures.Executed(name, name, run)
+        for name, run in zip(("square", "hexagon"), plan.disturbed, strict=False)
+    ]
     for plan in PLANS
 ]
 ROW = figures.Robustness(
-    Interval(0.6, 0.2, 0.9), Interval(1.0, 1.0, 1.0), Estimate(0.1, 0.08, 0.2), Estimate(0.0, 0.0, 0.0)
+    Interval(0.6, 0.2, 0.9),
+    Interval(1.0, 1.0, 1.0),
+    Estimate(0.1, 0.08, 0.2),
+    Estimate(0.0, 0.0, 0.0),
 )
-ROBUST = {name: {plan.mode: ROW for plan in PLANS} for name in ("friction-0.00", "friction-1.00", "shape-square")}
+ROBUST = {
+    name: {plan.mode: ROW for plan in PLANS}
+    for name in ("friction-0.00", "friction-1.00", "shape-square")
+}
 
 JUG = ("franka_capsules", "water_jug", np.array([0.1, 0.3, 0.0]), np.array([0.3, -2.0, 1.5]))
 POSTURES = [figures.PosturePanel(*JUG, label=f"a start with a long name, {k}") for k in range(4)]
@@ -101,9 +114,13 @@ DRAW = {
     "posture_row": lambda path: figures.posture_row(POSTURES, path),
     "posture_grid": lambda path: figures.posture_grid([POSTURES[:2], POSTURES[2:]], path),
     "value_dots": lambda path: figures.value_dots(
-        {name: [np.array([[0.44, 0.0], [0.43, 1.0]])] * 2 for name in ("CMA-ES", "SQP")}, ["here", "there"], path
+        {name: [np.array([[0.44, 0.0], [0.43, 1.0]])] * 2 for name in ("CMA-ES", "SQP")},
+        ["here", "there"],
+        path,
     ),
-    "tradeoff": lambda path: figures.tradeoff({1.0: DOTS, 50.0: 1.001 * DOTS, 100.0: 3 * DOTS}, path, limit=0.03),
+    "tradeoff": lambda path: figures.tradeoff(
+        {1.0: DOTS, 50.0: 1.001 * DOTS, 100.0: 3 * DOTS}, path, limit=0.03
+    ),
     "error_map": lambda path: figures.error_map(EXACT, {"coarse": COARSE}, CURLED, path),
 }
 
@@ -120,7 +137,9 @@ def test_figure_is_written(name, tmp_path, monkeypatch):
 
 
 def drawn_texts(monkeypatch):
-    """The texts that are drawn from now on; those along contours and walls, which they lie on, left out."""
+    """The texts that are drawn from now on; those along contours and walls, which they lie on, left
+    out.
+    """
     from matplotlib.text import Text
 
     texts, draw = {}, Text.draw
@@ -136,7 +155,9 @@ def drawn_texts(monkeypatch):
 
 def check_apart(texts):
     """Check that no text is cut off by the edge of its figure, and that none lies on another."""
-    boxes = [(text.get_text(), np.reshape(text.get_window_extent().extents, (2, 2))) for text in texts]
+    boxes = [
+        (text.get_text(), np.reshape(text.get_window_extent().extents, (2, 2))) for text in texts
+    ]
     size = np.array(texts[0].get_figure(root=True).bbox.size)
     for text, (low, high) in boxes:
         assert (low > -1).all() and (high < size + 1).all(), f"{text!r} is cut off"
@@ -146,7 +167,15 @@ def check_apart(texts):
 
 
 @pytest.mark.parametrize(
-    "name", ["trajectories", "final_distances", "mismatch_paths", "escape_times", "field_comparison", "error_map"]
+    "name",
+    [
+        "trajectories",
+        "final_distances",
+        "mismatch_paths",
+        "escape_times",
+        "field_comparison",
+        "error_map",
+    ],
 )
 def test_figures_repeat_bit_for_bit(name, tmp_path):
     first, second = (DRAW[name](tmp_path / f"{k}.png").read_bytes() for k in range(2))
@@ -164,7 +193,15 @@ def test_figures_repeat_bit_for_bit(name, tmp_path):
         (figures.final_distances, {"caging": {"square": SERIES["caging"][:, -1]}}),
         (figures.robustness, {"combined": {"caging": ROW}}),
     ],
-    ids=["one plan", "no disturbed executions", "another mode and object", "reference", "one panel", "name", "one row"],
+    ids=[
+        "one plan",
+        "no disturbed executions",
+        "another mode and object",
+        "reference",
+        "one panel",
+        "name",
+        "one row",
+    ],
 )
 def test_one_panel_is_enough(draw, data, tmp_path):
     assert draw(data, tmp_path / "one.png").is_file()
@@ -172,12 +209,16 @@ def test_one_panel_is_enough(draw, data, tmp_path):
 
 def test_one_field_shown_whole_is_enough(tmp_path):
     path = tmp_path / "one.png"
-    assert figures.field_comparison({"exact": EXACT}, CURLED[:1], WITHIN[:1], path, near=None).is_file()
+    assert figures.field_comparison(
+        {"exact": EXACT}, CURLED[:1], WITHIN[:1], path, near=None
+    ).is_file()
     assert figures.error_map(EXACT, FIELDS, CURLED[:1], path, near=None).is_file()
 
 
 def test_single_curves_need_no_band(tmp_path):
-    assert figures.over_time({"caging": np.linspace(0, 1, 11)}, "caging", tmp_path / "curve.png").is_file()
+    assert figures.over_time(
+        {"caging": np.linspace(0, 1, 11)}, "caging", tmp_path / "curve.png"
+    ).is_file()
 
 
 def test_one_executed_path_and_one_shape_are_enough(tmp_path):
@@ -208,13 +249,17 @@ def test_success_is_counted_at_the_last_step():
 
 def test_view_contains_the_goal_and_all_paths():
     (x_min, x_max), (y_min, y_max) = bounds(PLANS, [[STEPS]] * 3)
-    points = np.concatenate([GOAL[None], *(plan.disturbed[..., :2].reshape(-1, 2) for plan in PLANS)])
+    points = np.concatenate(
+        [GOAL[None], *(plan.disturbed[..., :2].reshape(-1, 2) for plan in PLANS)]
+    )
     assert (points > [x_min, y_min]).all() and (points < [x_max, y_max]).all()
 
 
 def test_enclosed_points_stay_without_colour():
     assert not PANEL.open and np.isinf(PANEL.time).any()
-    assert np.isinf(PANEL.time).sum() > np.isinf(PANEL.field_map.T[PANEL.field_map.speed == 1]).sum()
+    assert (
+        np.isinf(PANEL.time).sum() > np.isinf(PANEL.field_map.T[PANEL.field_map.speed == 1]).sum()
+    )
     assert PANEL.longest == SOLVED.solve().T[np.isfinite(SOLVED.solve().T)].max()
 
 
@@ -267,7 +312,8 @@ def test_animation_refuses_what_it_cannot_write(tmp_path, monkeypatch):
 
 def test_importing_loads_no_matplotlib_and_drawing_no_pyplot(tmp_path):
     code = (
-        "import sys, numpy as np; from evaluation import figures; early = 'matplotlib' in sys.modules\n"
+        "import sys, numpy as np; from evaluation import figures; early = 'matplotlib' in "
+        "sys.modules\n"
         "figures.over_time({'caging': np.linspace(0, 1, 11)}, 'caging', sys.argv[1])\n"
         "print(early, 'matplotlib.pyplot' in sys.modules)"
     )
@@ -283,7 +329,9 @@ def test_postures_without_opengl_are_drawn_in_the_plane_alone(tmp_path, monkeypa
     monkeypatch.setattr(SpaceFrames, "scene", no_opengl)
     with pytest.warns(UserWarning, match="in the plane alone: no OpenGL here"):
         flat = figures.posture_scenes(POSTURES[:1], tmp_path / "flat.png")
-    monkeypatch.setattr(SpaceFrames, "scene", lambda *args, **kwargs: np.zeros((72, 72, 3), dtype=np.uint8))
+    monkeypatch.setattr(
+        SpaceFrames, "scene", lambda *args, **kwargs: np.zeros((72, 72, 3), dtype=np.uint8)
+    )
     both = figures.posture_scenes(POSTURES[:1], tmp_path / "both.png")
     flat_height, both_height = (imageio.imread(path).shape[0] for path in (flat, both))
     assert both_height > 1.5 * flat_height

@@ -27,13 +27,18 @@ def draw(tmp_path, monkeypatch):
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
-    get_reusable_executor().shutdown()  # joblib's workers know the PYTHONPATH that they were started with
+    # joblib's workers know the PYTHONPATH that they were started with
+    get_reusable_executor().shutdown()
     yield "draws:draw"
     get_reusable_executor().shutdown()
 
 
 def outcome(function, jobs):
-    return {work.key: to_json(result) for work, result, seconds in run_jobs(function, WORKS, jobs) if seconds >= 0}
+    return {
+        work.key: to_json(result)
+        for work, result, seconds in run_jobs(function, WORKS, jobs)
+        if seconds >= 0
+    }
 
 
 def test_results_do_not_depend_on_the_number_or_kind_of_workers(draw):

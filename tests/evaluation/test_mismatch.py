@@ -42,11 +42,20 @@ def once(sweep_plan, tmp_path, monkeypatch):
 @pytest.fixture
 def executed(sweep_plan):
     """Execute the sweeping plan under a protocol with the seeds of studies."""
-    return lambda protocol: evaluate(OpenLoopPolicy(sweep_plan), PUSH, protocol, EPISODES, 1000 * SEED, NO_FIELD)
+    return lambda protocol: evaluate(
+        OpenLoopPolicy(sweep_plan), PUSH, protocol, EPISODES, 1000 * SEED, NO_FIELD
+    )
 
 
 def result(n=1, rate=1.0, twin_n=1, **changes) -> dict:
-    base = {"n": n, "success_rate": rate, "d2g_mean": 0.0, "deviation": 0.1, "final_deviation": 0.01, "diverged": 0}
+    base = {
+        "n": n,
+        "success_rate": rate,
+        "d2g_mean": 0.0,
+        "deviation": 0.1,
+        "final_deviation": 0.01,
+        "diverged": 0,
+    }
     twin = {"unperturbed_n": twin_n, "unperturbed_success_rate": 1.0, "unperturbed_d2g": 0.0}
     return {**base, **twin, **changes}
 
@@ -54,7 +63,8 @@ def result(n=1, rate=1.0, twin_n=1, **changes) -> dict:
 def test_drawn_starts_are_compared_row_by_row_with_the_same_starts(once, executed):
     perturbed, twin = executed("friction-0.00-start"), executed("nominal-start")
     assert np.array_equal(perturbed.pose[:, 0], twin.pose[:, 0])
-    offset = np.hypot(*np.moveaxis(perturbed.pose[..., :2] - twin.pose[..., :2], -1, 0))  # (EPISODES, N + 1)
+    # (EPISODES, N + 1)
+    offset = np.hypot(*np.moveaxis(perturbed.pose[..., :2] - twin.pose[..., :2], -1, 0))
     found = once("friction-0.00-start")
     assert found["deviation"] == pytest.approx(offset.max(axis=1).mean())
     assert found["final_deviation"] == pytest.approx(offset[:, -1].mean())
@@ -68,7 +78,10 @@ def test_noise_is_compared_with_the_one_nominal_execution(once, executed):
     deviation = max_deviation(executed("disturbance-5mm").pose, nominal.pose[0])
     found = once("disturbance-5mm")
     assert (found["n"], found["unperturbed_n"]) == (EPISODES, 1)
-    assert found["deviation"] == pytest.approx(deviation.mean()) and found["unperturbed_d2g"] == nominal.d2g[0]
+    assert (
+        found["deviation"] == pytest.approx(deviation.mean())
+        and found["unperturbed_d2g"] == nominal.d2g[0]
+    )
 
 
 def test_drawn_starts_alone_are_compared_with_the_tasks_start(once, executed):
@@ -100,18 +113,29 @@ def test_one_execution_of_each_plan_has_wilsons_interval():
 
 
 def test_rows_stand_beside_their_twin():
-    results = [result(n=20, rate=rate, twin_n=20, diverged=k, deviation=k / 10) for k, rate in enumerate((1.0, 0.9))]
+    results = [
+        result(n=20, rate=rate, twin_n=20, diverged=k, deviation=k / 10)
+        for k, rate in enumerate((1.0, 0.9))
+    ]
     cells = {name: cell(value) for name, value in mismatch_columns(results).items()}
     assert cells["n"] == cells["unperturbed n"] == "2 x 20" and cells["diverged"] == "1"
     assert cells["success"] == "95 [90, 100] %" and cells["each plan"] == "100, 90 %"
-    assert cells["deviation, m"] == "0.050 [0.000, 0.100]" and cells["unperturbed success"] == "100 [100, 100] %"
+    assert (
+        cells["deviation, m"] == "0.050 [0.000, 0.100]"
+        and cells["unperturbed success"] == "100 [100, 100] %"
+    )
 
 
 def test_notes_say_where_caging_falls_short():
     cases = [Case("contact", {}), Case("caging", {})]
     bad, good = [result(rate=0.8), result(rate=0.9)], [result(rate=0.9), result(rate=1.0)]
     found = {"combined": [good, bad], "shape-square": [bad, good]}
-    assert shortfalls(cases, found) == "Where caging falls short of 90 %: `combined` (85 %, least plan 80 %)."
+    assert (
+        shortfalls(cases, found)
+        == "Where caging falls short of 90 %: `combined` (85 %, least plan 80 %)."
+    )
     assert "nowhere" in shortfalls(cases, {"shape-square": [bad, good]})
     assert shortfalls(cases[:1], {"combined": [bad]}) == ""
-    assert notes(cases, found, "Before.").startswith("Before.") and "`combined` (85 %" in notes(cases, found)
+    assert notes(cases, found, "Before.").startswith("Before.") and "`combined` (85 %" in notes(
+        cases, found
+    )

@@ -1,4 +1,6 @@
-"""What the suite calls the paper's is the paper's: presets, budget, and the numbers of sections and equations."""
+"""What the suite calls the paper's is the paper's: presets, budget, and the numbers of sections and
+equations.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from piec_envs.env.config import EnvConfig
 from piec_envs.model.task import PAPER_PRESETS, PRESETS, TASKS, CostWeights
 from planners import CmaEsPlanner
 
-# Appendix A.2.1 as it stands there, written out anew; the lines from "restarts" on are what it does not say.
+# Appendix A.2.1 as it stands there, written out anew; the lines from "restarts" on are what it does
+# not say.
 BUDGET = {
     "iterations": 100,
     "population": 50,
@@ -51,7 +54,9 @@ def cases_of(name: str, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("name", PLANNING)
-def test_a_case_called_paper_has_the_papers_budget_and_nothing_of_its_study(name, monkeypatch, tmp_path):
+def test_a_case_called_paper_has_the_papers_budget_and_nothing_of_its_study(
+    name, monkeypatch, tmp_path
+):
     default = dataclasses.asdict(CmaEsPlanner())
     for case in cases_of(name, monkeypatch, tmp_path):
         preset = case.label.partition(", ")[2]
@@ -61,11 +66,17 @@ def test_a_case_called_paper_has_the_papers_budget_and_nothing_of_its_study(name
             continue
         own = {"objective": planner["objective"], "preset": preset}
         assert planner == {**default, **BUDGET, **own}
-        assert case.env_kwargs["preset"] == preset and "weights" not in case.env_kwargs and not case.model
+        assert (
+            case.env_kwargs["preset"] == preset
+            and "weights" not in case.env_kwargs
+            and not case.model
+        )
         assert case.evaluation_work(0, "nominal", 1).spec["env_kwargs"]["preset"] == preset
 
 
-@pytest.mark.parametrize("name", ["objectives", "disturbance", "dynamics", "shape", "friction", "adversary"])
+@pytest.mark.parametrize(
+    "name", ["objectives", "disturbance", "dynamics", "shape", "friction", "adversary"]
+)
 def test_all_modes_stand_beside_each_other_with_the_papers_budget(name, monkeypatch, tmp_path):
     labels = {case.label for case in cases_of(f"planar-{name}", monkeypatch, tmp_path)}
     for preset in PAPER_PRESETS:
@@ -75,7 +86,9 @@ def test_all_modes_stand_beside_each_other_with_the_papers_budget(name, monkeypa
 @pytest.mark.parametrize("name", ["franka-push", "franka-fixed"])
 def test_the_franka_has_both_presets(name, monkeypatch, tmp_path):
     labels = {case.label for case in cases_of(name, monkeypatch, tmp_path)}
-    assert {f"{method}, {preset}" for method in ("WAContact", "WACaging") for preset in PAPER_PRESETS} <= labels
+    assert {
+        f"{method}, {preset}" for method in ("WAContact", "WACaging") for preset in PAPER_PRESETS
+    } <= labels
 
 
 def test_every_number_of_the_budget_is_stated():
@@ -86,11 +99,14 @@ def test_every_number_of_the_budget_is_stated():
 
 
 def test_the_letter_has_the_papers_weights_and_nothing_else():
-    letter = {"push": (1e2, 1e3, 1e2), "track": (1e4, 1e3, 1e2)}  # tracking: w_track = lambda w_cage, lambda = 100
+    # tracking: w_track = lambda w_cage, lambda = 100
+    letter = {"push": (1e2, 1e3, 1e2), "track": (1e4, 1e3, 1e2)}
     for kind, weights in letter.items():
         found = PRESETS["paper"][kind]
         assert (found.task, found.command, found.prior) == weights
-        assert found.saturation == np.inf and found.miss == 0 and found.shortest == (kind == "track")
+        assert (
+            found.saturation == np.inf and found.miss == 0 and found.shortest == (kind == "track")
+        )
         assert PRESETS["paper-miss"][kind] == found._replace(miss=CostWeights().miss)
 
 
@@ -104,7 +120,10 @@ def test_the_papers_presets_have_its_contact_model(task, preset):
 
 def test_notes_say_what_the_papers_rows_are():
     assert all_notes("own", ()) == "own" and all_notes("own", ("caging",)).endswith(PAPER_NOTES)
-    assert [case.label for case in paper_cases(["caging"], {})] == ["caging, paper", "caging, paper-miss"]
+    assert [case.label for case in paper_cases(["caging"], {})] == [
+        "caging, paper",
+        "caging, paper-miss",
+    ]
     letter = PRESETS["paper"]["push"]
     assert f"100 d^2, is {letter.task * 0.5**2:g} at half a metre" in PAPER_NOTES
     assert f"caging term {letter.prior * 1.6:g} in a closed cage" in PAPER_NOTES
@@ -114,11 +133,14 @@ def test_notes_say_what_the_papers_rows_are():
 def test_the_papers_plans_have_a_table_of_their_own_beside_the_studys(monkeypatch, tmp_path):
     monkeypatch.setattr(paper, "PAPER_PLANNER", {**BUDGET, **SMOKE_PLANNER})
     module = STUDIES["planar-shape"].load()
-    settings = dataclasses.replace(module.Settings.smoke(), objectives=("contact",), paper=("contact",), starts=1)
+    settings = dataclasses.replace(
+        module.Settings.smoke(), objectives=("contact",), paper=("contact",), starts=1
+    )
     files = module.run(settings, tmp_path / "planar-shape", progress=False)
     assert tmp_path / "planar-shape" / "paper.md" in files
     text = (tmp_path / "planar-shape" / "paper.md").read_text()
     for preset in PAPER_PRESETS:
-        assert text.count(f"| contact (mode 1), {preset} ") == 4  # nominal and square, each from drawn starts as well
+        # nominal and square, each from drawn starts as well
+        assert text.count(f"| contact (mode 1), {preset} ") == 4
     assert PAPER_NOTES in text
     assert ", paper" not in (tmp_path / "planar-shape" / "table.md").read_text()

@@ -13,7 +13,10 @@ from evaluation.records import read_records
 
 GOAL = [0.2, 0.5]
 OTHER = {"goal": GOAL, "object": "square", "friction": 0.1, "inertia": "own", "preset": "paper"}
-DRAWN = {"start_noise": [0.02, 0.1], "randomize": {"friction": [0.1, 0.9], "object": ["circle", "hexagon"]}}
+DRAWN = {
+    "start_noise": [0.02, 0.1],
+    "randomize": {"friction": [0.1, 0.9], "object": ["circle", "hexagon"]},
+}
 TINY = {"iterations": 1, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
 
 
@@ -54,7 +57,15 @@ def test_evaluate_judges_by_the_plans_own(other_plan, tmp_path, run):
 
 def test_evaluate_takes_options_over_the_plan(other_plan, tmp_path, run):
     file = other_plan.save(tmp_path / "p.npz")
-    options = ["--plant", "default", "--set", "friction=0.3", "--protocol", "nominal", "friction-0.80"]
+    options = [
+        "--plant",
+        "default",
+        "--set",
+        "friction=0.3",
+        "--protocol",
+        "nominal",
+        "friction-0.80",
+    ]
     document = run("evaluate", file, "--out", tmp_path / "out", *options)
     first, second = (result["plant"] for result in document["evaluations"])
     assert (first["object"], first["friction"], first["goal"]) == ("circle", 0.3, GOAL)
@@ -67,14 +78,22 @@ def test_evaluate_says_what_was_drawn_in_planning(drawn_plan, tmp_path, run):
     document = run("evaluate", file, "--out", tmp_path / "out")
     assert document["evaluations"][0]["n"] == 1
     above = (tmp_path / "out" / "table.md").read_text().partition("| plan")[0]
-    assert "made with randomize friction of (0.1, 0.9); object of (circle, hexagon), start_noise (0.02, 0.1)" in above
-    document = run("evaluate", file, "--out", tmp_path / "out", "--plant", "disturbed", "--episodes", 3)
+    assert (
+        "made with randomize friction of (0.1, 0.9); object of (circle, hexagon), start_noise "
+        "(0.02, 0.1)" in above
+    )
+    document = run(
+        "evaluate", file, "--out", tmp_path / "out", "--plant", "disturbed", "--episodes", 3
+    )
     assert document["evaluations"][0]["n"] == 3
     assert document["evaluations"][0]["plant"]["randomize"] == DRAWN["randomize"]
 
 
 def test_files_of_one_name_are_told_apart(other_plan, drawn_plan, tmp_path, run):
-    files = [plan.save(tmp_path / name / "p.npz") for name, plan in {"a": other_plan, "b": drawn_plan}.items()]
+    files = [
+        plan.save(tmp_path / name / "p.npz")
+        for name, plan in {"a": other_plan, "b": drawn_plan}.items()
+    ]
     run("evaluate", *files, "--out", tmp_path / "out")
     table = (tmp_path / "out" / "table.md").read_text()
     assert all(f"Plant of {file}:" in table and f"| {file} " in table for file in files)
@@ -91,5 +110,15 @@ def test_render_draws_the_plans_own(other_plan, tmp_path, run):
 
 def test_plan_says_its_model(tmp_path, run):
     tiny = [f"{name}={value}" for name, value in TINY.items()]
-    made = run("plan", "--objective", "contact", "--planner", *tiny, "--set", "friction=0.1", "--out", tmp_path / "p")
+    made = run(
+        "plan",
+        "--objective",
+        "contact",
+        "--planner",
+        *tiny,
+        "--set",
+        "friction=0.1",
+        "--out",
+        tmp_path / "p",
+    )
     assert made["model"]["friction"] == 0.1

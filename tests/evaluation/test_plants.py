@@ -1,4 +1,6 @@
-"""A plan is judged and drawn by what it was made for, unless told otherwise, and what is in force is said."""
+"""A plan is judged and drawn by what it was made for, unless told otherwise, and what is in force
+is said.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
 TINY = {"iterations": 2, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
 GOAL = [0.2, 0.5]
 OTHER = {"goal": GOAL, "object": "square", "friction": 0.1, "inertia": "own", "preset": "paper"}
-DRAWN = {"start_noise": [0.02, 0.1], "randomize": {"friction": [0.1, 0.9], "object": ["circle", "hexagon"]}}
+DRAWN = {
+    "start_noise": [0.02, 0.1],
+    "randomize": {"friction": [0.1, 0.9], "object": ["circle", "hexagon"]},
+}
 
 
 def planned(objective: str = "contact", env_id: str = PUSH, **env_kwargs) -> Plan:
@@ -59,7 +64,8 @@ def test_nominal_is_the_model_that_it_was_planned_with(objective):
     plan = planned(objective, **OTHER)
     seen = evaluate(plan)
     np.testing.assert_allclose(seen.goal_distance, offsets(seen, GOAL), atol=1e-12)
-    if OBJECTIVES[objective].adversary:  # which is how it searches: what flees is a matter of the protocol
+    # which is how it searches: what flees is a matter of the protocol
+    if OBJECTIVES[objective].adversary:
         assert "adversary" not in seen.spec["env_kwargs"]
         seen = evaluate(plan, plant="disturbed")
         assert seen.spec["env_kwargs"]["adversary"] == 1.0
@@ -78,14 +84,18 @@ def test_the_square_is_moved_and_not_the_circle(other_plan):
 
 
 def test_a_plan_its_policy_and_its_id_say_the_same(other_plan):
-    first, *others = (evaluate(*given) for given in ((other_plan,), (OpenLoopPolicy(other_plan), PUSH)))
+    first, *others = (
+        evaluate(*given) for given in ((other_plan,), (OpenLoopPolicy(other_plan), PUSH))
+    )
     for evaluation in others:
         assert evaluation.spec == first.spec
         np.testing.assert_array_equal(evaluation.pose, first.pose)
 
 
 def test_what_is_given_overrides_the_plan_and_protocols_override_both(other_plan):
-    given = evaluate(other_plan, protocol="friction-0.80", env_kwargs={"friction": 0.3, "goal": [0.1, 0.4]})
+    given = evaluate(
+        other_plan, protocol="friction-0.80", env_kwargs={"friction": 0.3, "goal": [0.1, 0.4]}
+    )
     assert given.spec["env_kwargs"] == {**OTHER, "friction": 0.8, "goal": [0.1, 0.4]}
     np.testing.assert_allclose(given.goal_distance, offsets(given, [0.1, 0.4]), atol=1e-12)
 
@@ -98,7 +108,9 @@ def test_the_default_plant_is_a_choice(other_plan):
     nothing = evaluate(other_plan, plant="given")
     assert nothing.spec["env_kwargs"] == {}
     np.testing.assert_allclose(nothing.goal_distance, offsets(nothing, [-0.3, 0.4]), atol=1e-12)
-    with pytest.raises(UnknownNameError, match=f"unknown plant 'mine'; known: {', '.join(sorted(PLANTS))}"):
+    with pytest.raises(
+        UnknownNameError, match=f"unknown plant 'mine'; known: {', '.join(sorted(PLANTS))}"
+    ):
         evaluate(other_plan, plant="mine")
 
 
@@ -126,17 +138,31 @@ def test_what_was_drawn_in_planning_is_drawn_only_where_asked_for(drawn_plan):
 
 
 def test_what_a_protocol_fixes_is_no_longer_drawn(drawn_plan):
-    """Drawn values would have won over the protocol's, and a table would have named another friction."""
-    fixed = evaluate(drawn_plan, protocol="friction-0.20", plant="disturbed", episodes=2).spec["env_kwargs"]
+    """Drawn values would have won over the protocol's, and a table would have named another
+    friction.
+    """
+    fixed = evaluate(drawn_plan, protocol="friction-0.20", plant="disturbed", episodes=2).spec[
+        "env_kwargs"
+    ]
     assert fixed["friction"] == 0.2 and fixed["randomize"] == {"object": ["circle", "hexagon"]}
-    both = evaluate(drawn_plan, protocol="shape-square", plant="disturbed", episodes=2, env_kwargs={"friction": 0.3})
-    assert "randomize" not in both.spec["env_kwargs"] and both.spec["env_kwargs"]["object"] == "square"
+    both = evaluate(
+        drawn_plan,
+        protocol="shape-square",
+        plant="disturbed",
+        episodes=2,
+        env_kwargs={"friction": 0.3},
+    )
+    assert (
+        "randomize" not in both.spec["env_kwargs"] and both.spec["env_kwargs"]["object"] == "square"
+    )
     env = gym.make(PUSH, **both.spec["env_kwargs"])
     for seed in range(4):
         env.reset(seed=seed)
         params = env.unwrapped.get_params()
         assert (params["object"], params["friction"]) == ("square", 0.3)
-    twin = evaluate(drawn_plan, protocol="nominal-start", plant="disturbed", episodes=2).spec["env_kwargs"]
+    twin = evaluate(drawn_plan, protocol="nominal-start", plant="disturbed", episodes=2).spec[
+        "env_kwargs"
+    ]
     assert twin["start_noise"] == [0.01, 0.05]
 
 
@@ -158,14 +184,18 @@ def test_laying_over_keeps_the_changes_and_draws_nothing_of_them(base, drawn, ch
 
 @pytest.mark.parametrize("name", [name for name, row in PROTOCOLS.items() if row.randomize])
 def test_what_a_protocol_draws_is_laid_over_what_was_drawn(name):
-    drawn = get_protocol(name).env_kwargs({"randomize": {"inertia": ["own", "paper"], "friction": [0.0, 1.0]}})
+    drawn = get_protocol(name).env_kwargs(
+        {"randomize": {"inertia": ["own", "paper"], "friction": [0.0, 1.0]}}
+    )
     assert drawn["randomize"] == {"inertia": ["own", "paper"], **get_protocol(name).randomize}
 
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
 @pytest.mark.parametrize("name", [name for name, row in PROTOCOLS.items() if row.objects])
 def test_protocols_are_about_the_objects_of_their_own_task(task, name):
-    """Each is taken by the tasks whose object it stands around, and by no others, and says which there are."""
+    """Each is taken by the tasks whose object it stands around, and by no others, and says which
+    there are.
+    """
     env_ids = {
         "planar_arm": PUSH,
         "mobile_franka": "piec_envs/MobileFrankaPush-v0",
@@ -177,9 +207,13 @@ def test_protocols_are_about_the_objects_of_their_own_task(task, name):
     if {family(item) for item in protocol.objects} == {task.object}:
         check_suits(protocol, env_id, bare)
         return
-    with pytest.raises(InvalidParameterError, match=f"'{name}' puts .*but the object of '{env_id}'") as caught:
+    with pytest.raises(
+        InvalidParameterError, match=f"'{name}' puts .*but the object of '{env_id}'"
+    ) as caught:
         check_suits(protocol, env_id, bare)
-    listed = str(caught.value).partition("objects for it: ")[2].partition(", and all")[0].split(", ")
+    listed = (
+        str(caught.value).partition("objects for it: ")[2].partition(", and all")[0].split(", ")
+    )
     assert listed and name not in listed
     for other in listed:
         check_suits(get_protocol(other), env_id, bare)
@@ -198,11 +232,16 @@ def test_a_protocol_of_another_robot_is_refused_before_anything_runs(other_plan,
     with pytest.raises(InvalidParameterError, match=r"a4_box.*paper_pack.*shape-square"):
         evaluate(other_plan, protocol="shape-a4_box")
     file = other_plan.save(tmp_path / "p.npz")
-    for command in (["evaluate", str(file), "--out", str(tmp_path / "out")], ["render", str(file)], ["render"]):
+    for command in (
+        ["evaluate", str(file), "--out", str(tmp_path / "out")],
+        ["render", str(file)],
+        ["render"],
+    ):
         assert main([*command, "--protocol", "sim-to-real-sm3"]) == 2
         assert "shape-octagon" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["p.npz"]
-    own = evaluate(other_plan, protocol="shape-a4_box", env_kwargs={"object": "paper_pack"})  # whoever moves packs
+    # whoever moves packs
+    own = evaluate(other_plan, protocol="shape-a4_box", env_kwargs={"object": "paper_pack"})
     assert own.spec["env_kwargs"]["object"] == "a4_box"
 
 
@@ -234,7 +273,10 @@ def test_every_default_of_the_plant_in_force_is_filled_in(env_id):
     assert {name: plant[name] for name in params if name != "start"} == {
         n: v for n, v in params.items() if n != "start"
     }
-    assert plant["goal"] == env.unwrapped.model.task.goal.tolist() and plant["robot"] == env.unwrapped.model.robot.name
+    assert (
+        plant["goal"] == env.unwrapped.model.task.goal.tolist()
+        and plant["robot"] == env.unwrapped.model.robot.name
+    )
     assert json.loads(json.dumps(plant)) == plant and plant["task"] in plant_line(plant)
 
 
@@ -251,8 +293,13 @@ def test_every_default_of_the_plant_in_force_is_filled_in(env_id):
     ],
 )
 def test_what_is_no_policy_or_no_id(policy, env_id, message):
-    made = {"env": gym.make(PUSH, escape_field=None), "envs": gym.make_vec(PUSH, num_envs=2, escape_field=None)}
-    policy, env_id = (made.get(given, given) if isinstance(given, str) else given for given in (policy, env_id))
+    made = {
+        "env": gym.make(PUSH, escape_field=None),
+        "envs": gym.make_vec(PUSH, num_envs=2, escape_field=None),
+    }
+    policy, env_id = (
+        made.get(given, given) if isinstance(given, str) else given for given in (policy, env_id)
+    )
     with pytest.raises(InvalidParameterError, match=message):
         evaluate(policy, env_id)
 
@@ -260,9 +307,15 @@ def test_what_is_no_policy_or_no_id(policy, env_id, message):
 def test_static_caging_and_environments_are_named_for_what_they_are(other_plan):
     cage = "piec_envs/PlanarArmCage-v0"
     env = gym.make(PUSH, escape_field=None)
-    makers = (CmaEsPlanner(**TINY).plan, RigidCarry().plan, lambda env_id: evaluate(np.zeros_like, env_id))
+    makers = (
+        CmaEsPlanner(**TINY).plan,
+        RigidCarry().plan,
+        lambda env_id: evaluate(np.zeros_like, env_id),
+    )
     for make in makers:
-        with pytest.raises(UnknownNameError, match=r"static caging: .*no motion.*CmaEsConfiguration"):
+        with pytest.raises(
+            UnknownNameError, match=r"static caging: .*no motion.*CmaEsConfiguration"
+        ):
             make(cage)
         with pytest.raises(InvalidParameterError, match=f"named by its id.*pass '{PUSH}'"):
             make(env)

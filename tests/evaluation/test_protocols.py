@@ -10,7 +10,8 @@ from piec_envs.dynamics.plant import PlantParams
 from piec_envs.env.config import EnvConfig
 from piec_envs.errors import UnknownNameError
 
-REAL = [name for name in PROTOCOLS if name.startswith("sim-to-real-")]  # these have starts of their own, and no twin
+# these have starts of their own, and no twin
+REAL = [name for name in PROTOCOLS if name.startswith("sim-to-real-")]
 PLAIN = [name for name in PROTOCOLS if not name.endswith("-start") and name not in REAL]
 LEVELS = [f"disturbance-{mm}mm{kind}" for kind in ("", "-direction") for mm in (1, 3, 5)]
 
@@ -43,11 +44,12 @@ def test_rows_make_an_env(name):
 @pytest.mark.parametrize("name", REAL)
 def test_what_a_protocol_draws_reaches_the_env(name):
     protocol = get_protocol(name)
-    assert {"friction", "mass", "delay"} <= set(protocol.randomize) and not set(protocol.randomize) & set(
-        protocol.params
-    )
+    assert {"friction", "mass", "delay"} <= set(protocol.randomize) and not set(
+        protocol.randomize
+    ) & set(protocol.params)
     assert is_random(protocol.env_kwargs()) and not is_random(protocol.params)
-    away = {"geometry": "capsules", "escape_field": None, "start": [-2.0, -0.47, 2.95]}  # no start has to give way
+    # no start has to give way
+    away = {"geometry": "capsules", "escape_field": None, "start": [-2.0, -0.47, 2.95]}
     env = gym.make("piec_envs/FrankaPush-v0", **away, **protocol.env_kwargs())
     drawn = [drawn_params(env, seed) for seed in range(12)]
     env.close()
@@ -65,10 +67,23 @@ def test_what_a_protocol_draws_reaches_the_env(name):
 
 
 def test_the_issues_protocols_are_there():
-    frictions = [f"friction-{mu}" for mu in ("0.00", "0.20", "0.25", "0.50", "0.75", "0.80", "1.00")]
-    shapes = [f"shape-{name}" for name in ("octagon", "hexagon", "square", "box_212", "paper_pack_wrapped", "a4_box")]
+    frictions = [
+        f"friction-{mu}" for mu in ("0.00", "0.20", "0.25", "0.50", "0.75", "0.80", "1.00")
+    ]
+    shapes = [
+        f"shape-{name}"
+        for name in ("octagon", "hexagon", "square", "box_212", "paper_pack_wrapped", "a4_box")
+    ]
     assert REAL == ["sim-to-real-sm1", "sim-to-real-sm2", "sim-to-real-sm3"]
-    assert set(PLAIN) == {"nominal", *frictions, *shapes, "dynamics-mujoco", *LEVELS, "adversary", "combined"}
+    assert set(PLAIN) == {
+        "nominal",
+        *frictions,
+        *shapes,
+        "dynamics-mujoco",
+        *LEVELS,
+        "adversary",
+        "combined",
+    }
     assert get_protocol("disturbance-3mm-direction").params == {
         "disturbance": 0.003,
         "disturbance_kind": "direction",

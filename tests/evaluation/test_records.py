@@ -31,13 +31,20 @@ def test_the_key_depends_on_the_values_alone():
     key = work_key({"a": 1, "b": [0.5, None]}, 3)
     assert key == work_key({"b": (0.5, None), "a": np.int64(1)}, np.int64(3))
     assert key == "7864d8b38ed5637d"  # stable: old files stay readable
-    assert len({key, work_key({"a": 1, "b": [0.5, None]}, 4), work_key({"a": 2, "b": [0.5, None]}, 3)}) == 3
+    assert (
+        len({key, work_key({"a": 1, "b": [0.5, None]}, 4), work_key({"a": 2, "b": [0.5, None]}, 3)})
+        == 3
+    )
 
 
 def test_numbers_that_json_lacks_survive():
     value = {"a": [math.inf, -math.inf, 1.5, None, True], "b": {"c": np.arange(3)}, "p": Path("x")}
     text = json.dumps(to_json(value), allow_nan=False)
-    assert from_json(json.loads(text)) == {"a": [math.inf, -math.inf, 1.5, None, True], "b": {"c": [0, 1, 2]}, "p": "x"}
+    assert from_json(json.loads(text)) == {
+        "a": [math.inf, -math.inf, 1.5, None, True],
+        "b": {"c": [0, 1, 2]},
+        "p": "x",
+    }
     assert math.isnan(from_json(to_json(math.nan)))
     with pytest.raises(RecordError, match="object"):
         to_json({"a": object()})
@@ -47,7 +54,9 @@ def test_round_trip(tmp_path):
     records = write(tmp_path / "r.jsonl", 3)
     assert [record["seed"] for record in records] == [0, 1, 2]
     assert records[1]["result"] == {"x": 1 / 3}
-    assert {"python", "numpy", "numba", "gymnasium", "mujoco", "piec-envs"} <= set(records[0]["versions"])
+    assert {"python", "numpy", "numba", "gymnasium", "mujoco", "piec-envs"} <= set(
+        records[0]["versions"]
+    )
     assert read_records(tmp_path / "missing.jsonl") == []
 
 
@@ -55,12 +64,22 @@ def test_a_record_names_the_sources_it_was_made_by(tmp_path):
     (record,) = write(tmp_path / "r.jsonl", 1)
     assert record["source"] == source()
     with RecordFile(tmp_path / "r.jsonl") as file:
-        file.append(make_record({"a": 1}, 7, {}, 0.1, {"commit": "abc", "modified": True, "digest": "0"}))
-    assert read_records(tmp_path / "r.jsonl")[1]["source"] == {"commit": "abc", "modified": True, "digest": "0"}
+        file.append(
+            make_record({"a": 1}, 7, {}, 0.1, {"commit": "abc", "modified": True, "digest": "0"})
+        )
+    assert read_records(tmp_path / "r.jsonl")[1]["source"] == {
+        "commit": "abc",
+        "modified": True,
+        "digest": "0",
+    }
 
 
 def test_records_from_before_sources_were_noted_stay_readable(tmp_path):
-    old = {name: value for name, value in make_record({"a": 1}, 0, {"x": 0}, 0.1).items() if name != "source"}
+    old = {
+        name: value
+        for name, value in make_record({"a": 1}, 0, {"x": 0}, 0.1).items()
+        if name != "source"
+    }
     path = tmp_path / "r.jsonl"
     path.write_text(json.dumps(old, separators=(",", ":")) + "\n")
     assert read_records(path) == [old]
@@ -105,7 +124,8 @@ def test_files_of_two_machines_are_merged_one_behind_the_other(tmp_path, cut):
         for seed in (1, 3):
             file.append(make_record({"a": 1}, seed, {"x": "there"}, 0.2))
     merged.write_bytes(here.read_bytes()[: -cut or None] + there.read_bytes())
-    seeds = [0, 1, 2, 3] if not cut else [0, 1, 3]  # a last line cut off is lost, and nothing with it
+    # a last line cut off is lost, and nothing with it
+    seeds = [0, 1, 2, 3] if not cut else [0, 1, 3]
     assert [record["seed"] for record in read_records(merged)] == seeds
     assert read_records(merged)[1] == whole[1]  # of two with one key the first counts
     works = [Work({"a": 1}, seed) for seed in seeds]
@@ -119,7 +139,9 @@ def test_two_runs_do_not_write_at_once(tmp_path):
     RecordFile(tmp_path / "r.jsonl").__exit__(None, None, None)
 
 
-@pytest.mark.parametrize("content", ["hello\n", "hello", '{"a": 1}\n', '{"format":"piec-record-9","key":""}\n', "[]\n"])
+@pytest.mark.parametrize(
+    "content", ["hello\n", "hello", '{"a": 1}\n', '{"format":"piec-record-9","key":""}\n', "[]\n"]
+)
 def test_foreign_files_are_refused_and_left_alone(tmp_path, content):
     path = tmp_path / "r.jsonl"
     path.write_text(content)
@@ -166,4 +188,5 @@ def test_a_killed_run_resumes_without_losing_or_repeating_a_record(tmp_path, mon
     assert read_records(path)[: len(before)] == before
     assert sorted(record["seed"] for record in read_records(path)) == list(range(20))
     done = [int(line) for line in log.read_text().split()]
-    assert set(done) == set(range(20)) and len(done) <= 21  # at most the piece cut off is done again
+    # at most the piece cut off is done again
+    assert set(done) == set(range(20)) and len(done) <= 21

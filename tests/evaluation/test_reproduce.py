@@ -1,4 +1,6 @@
-"""`piec reproduce` beside committed results: it says what it takes, touches nothing there, and `--fresh` does all."""
+"""`piec reproduce` beside committed results: it says what it takes, touches nothing there, and
+`--fresh` does all.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,14 @@ from evaluation.studies import eikonal_toy, planar_objectives
 from planners import CmaEsPlanner
 
 ROOT = Path(__file__).resolve().parents[2]
-AUTHOR = ("-c", "user.name=Tester", "-c", "user.email=tester@example.org", "-c", "commit.gpgsign=false")
+AUTHOR = (
+    "-c",
+    "user.name=Tester",
+    "-c",
+    "user.email=tester@example.org",
+    "-c",
+    "commit.gpgsign=false",
+)
 TOY = "eikonal-toy"
 PLANNED = "planar-objectives"
 
@@ -38,7 +47,9 @@ def made(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def committed(made, tmp_path, monkeypatch) -> Path:
-    """A copy of them that `piec reproduce` takes for the committed ones, with small studies for whole ones."""
+    """A copy of them that `piec reproduce` takes for the committed ones, with small studies for
+    whole ones.
+    """
     folder = tmp_path / "clone" / "results"
     shutil.copytree(made, folder)
     monkeypatch.setattr(reuse, "committed_folder", lambda: folder)
@@ -80,7 +91,10 @@ def test_the_default_folder_lies_beside_the_committed_results(committed, piec):
     before = contents(committed)
     code, document, _ = piec(TOY)
     assert code == 0 and contents(committed) == before
-    assert document["wrote"][0] == "runs/reproduce/eikonal-toy" and Path("runs/reproduce/eikonal-toy/table.md").exists()
+    assert (
+        document["wrote"][0] == "runs/reproduce/eikonal-toy"
+        and Path("runs/reproduce/eikonal-toy/table.md").exists()
+    )
 
 
 def test_what_comes_from_records_is_counted_and_said(committed, capsys):
@@ -91,7 +105,8 @@ def test_what_comes_from_records_is_counted_and_said(committed, capsys):
     assert f"{TOY}: {count} of {count} pieces of work from committed records" in text
     assert f"(made by {made_by})" in text and "commit" in made_by
     assert "--fresh does all of it anew" in text
-    assert read_records(Path("runs/reproduce") / TOY / "records.jsonl") == []  # only what was done there
+    # only what was done there
+    assert read_records(Path("runs/reproduce") / TOY / "records.jsonl") == []
 
 
 def test_what_is_missing_is_done_and_the_rest_taken(committed, piec):
@@ -100,7 +115,11 @@ def test_what_is_missing_is_done_and_the_rest_taken(committed, piec):
     path.write_bytes(b"".join(lines[1:]))
     _, document, _ = piec(TOY)
     counts = document["studies"][TOY]
-    assert (counts["pieces"], counts["from_committed"], counts["done"]) == (len(lines), len(lines) - 1, 1)
+    assert (counts["pieces"], counts["from_committed"], counts["done"]) == (
+        len(lines),
+        len(lines) - 1,
+        1,
+    )
     _, document, _ = piec(TOY)  # and once more: nothing is done twice
     assert document["studies"][TOY]["done"] == 0 and document["studies"][TOY]["from_earlier"] == 1
 
@@ -126,7 +145,10 @@ def test_fresh_plans_and_does_everything_anew_and_compares(committed, piec, caps
     assert contents(committed) == before
     assert main(["reproduce", PLANNED, "--fresh"]) == 0  # as one that was stopped: goes on
     text = capsys.readouterr().out
-    assert f"{counts['pieces']} of {counts['pieces']} pieces of work from records of an earlier run" in text
+    assert (
+        f"{counts['pieces']} of {counts['pieces']} pieces of work from records of an earlier run"
+        in text
+    )
     assert "are the same" in text
 
 
@@ -152,7 +174,9 @@ def test_a_record_whose_spec_was_edited_is_refused(committed, piec):
 
 def test_what_was_edited_since_the_commit_is_not_taken_for_committed(committed, piec):
     for arguments in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "-m", "first"]):
-        subprocess.run(["git", "-C", str(committed), *AUTHOR, *arguments], check=True, capture_output=True)
+        subprocess.run(
+            ["git", "-C", str(committed), *AUTHOR, *arguments], check=True, capture_output=True
+        )
     true = committed_records(committed / TOY)
     star = next(iter(true[0].values()))["result"]["area"]
     tamper(committed, TOY, f'"area":{star!r}', '"area":1234.5')
@@ -186,27 +210,37 @@ def test_a_fresh_run_keeps_only_what_these_sources_have_made(made, tmp_path, mon
         file.write_bytes(b"")
     assert fresh.clear(out, PLANNED) == 0
     assert vouched.exists() and not stale.exists()
-    monkeypatch.setattr(fresh.provenance, "source", lambda: {"commit": None, "modified": None, "digest": "later"})
-    planned = sum(record["spec"]["work"] == "plan" for record in read_records(out / PLANNED / "records.jsonl"))
+    monkeypatch.setattr(
+        fresh.provenance, "source", lambda: {"commit": None, "modified": None, "digest": "later"}
+    )
+    planned = sum(
+        record["spec"]["work"] == "plan" for record in read_records(out / PLANNED / "records.jsonl")
+    )
     assert fresh.clear(out, PLANNED, evaluations_only=True) > 0
     assert len(read_records(out / PLANNED / "records.jsonl")) == planned and vouched.exists()
     assert fresh.clear(out, PLANNED) == planned and not vouched.exists()
 
 
-def test_agents_and_fields_of_other_sources_are_made_anew_and_a_stopped_training_goes_on(tmp_path, monkeypatch):
+def test_agents_and_fields_of_other_sources_are_made_anew_and_a_stopped_training_goes_on(
+    tmp_path, monkeypatch
+):
     monkeypatch.setattr(fresh.provenance, "source", lambda: {"digest": "now"})
     train = {"spec": {"work": "train"}, "source": {"digest": "old"}}
     folders = {name: tmp_path / "agents" / name for name in ("old", "unsaid", "now", "stopped")}
     for name, folder in folders.items():
         folder.mkdir(parents=True)
         about = {} if name == "unsaid" else {"source": {"digest": name}}
-        (folder / ("checkpoint.json" if name == "stopped" else "agent.json")).write_text(json.dumps(about))
+        (folder / ("checkpoint.json" if name == "stopped" else "agent.json")).write_text(
+            json.dumps(about)
+        )
     fields = tmp_path / "study" / "fields"
     fields.mkdir(parents=True)
     for name in ("old", "now"):
         (fields / f"{name}.npz").write_bytes(b"")
         (fields / f"{name}.json").write_text(json.dumps({"source": {"digest": name}}))
-    fresh._clear_trained(tmp_path, "study", [{**train, "result": {"folder": name}} for name in folders])
+    fresh._clear_trained(
+        tmp_path, "study", [{**train, "result": {"folder": name}} for name in folders]
+    )
     assert [name for name, folder in folders.items() if folder.exists()] == ["now", "stopped"]
     assert sorted(path.name for path in fields.iterdir()) == ["now.json", "now.npz"]
 
@@ -235,7 +269,10 @@ def test_differences_are_measured_value_by_value():
         assert Difference("w", "v", a, b).size == Difference("w", "v", b, a).size == size
     assert Difference("w", "v", True, False).size == inf
     old = {"k": {"spec": {"work": "plan"}, "result": {"cost": 2.0, "gone": 1}}}
-    new = {"k": {"spec": {"work": "plan"}, "result": {"cost": 1.0}}, "l": {"spec": {}, "result": {"cost": 3}}}
+    new = {
+        "k": {"spec": {"work": "plan"}, "result": {"cost": 1.0}},
+        "l": {"spec": {}, "result": {"cost": 3}},
+    }
     found = compare(old, new, {"k": "contact, seed 0"})
     assert [(item.work, item.value, item.committed, item.yours) for item in found] == [
         ("plan: contact, seed 0", "cost", 2.0, 1.0),

@@ -10,7 +10,13 @@ import pytest
 import evaluation.rollout
 from evaluation import Evaluation, evaluate, summarise
 from piec_envs.dynamics.quasi_dynamic import QuasiDynamics
-from piec_envs.errors import InvalidActionError, InvalidParameterError, PlanError, RecordError, UnknownNameError
+from piec_envs.errors import (
+    InvalidActionError,
+    InvalidParameterError,
+    PlanError,
+    RecordError,
+    UnknownNameError,
+)
 from planners import OpenLoopPolicy
 
 PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
@@ -26,7 +32,9 @@ def assert_same(a: Evaluation, b: Evaluation) -> None:
 def test_rows_do_not_depend_on_the_split_or_the_threads(sweep_plan, monkeypatch):
     policy = OpenLoopPolicy(sweep_plan)
     whole = evaluate(policy, PUSH, "disturbance-5mm", episodes=7, seed=3, env_kwargs=NO_FIELD)
-    again = evaluate(policy, PUSH, "disturbance-5mm", episodes=7, seed=3, env_kwargs={**NO_FIELD, "threads": 1})
+    again = evaluate(
+        policy, PUSH, "disturbance-5mm", episodes=7, seed=3, env_kwargs={**NO_FIELD, "threads": 1}
+    )
     monkeypatch.setattr(evaluation.rollout, "MAX_ROWS", 3)
     split = evaluate(policy, PUSH, "disturbance-5mm", episodes=7, seed=3, env_kwargs=NO_FIELD)
     assert_same(whole, again)
@@ -52,7 +60,9 @@ def test_a_deterministic_protocol_is_one_execution(sweep_plan):
     nominal = evaluate(OpenLoopPolicy(sweep_plan), PUSH, env_kwargs=NO_FIELD)
     assert nominal.episodes == 1 and nominal.caging is None
     assert nominal.contact_fraction.max() > 0.1
-    still = evaluate(lambda observation: np.zeros((len(observation), 4)), PUSH, episodes=3, env_kwargs=NO_FIELD)
+    still = evaluate(
+        lambda observation: np.zeros((len(observation), 4)), PUSH, episodes=3, env_kwargs=NO_FIELD
+    )
     assert still.episodes == 3
     assert still.distinct.tolist() == [0]
     assert summarise(still)["n"] == 1
@@ -88,7 +98,9 @@ def test_bad_input_is_refused(sweep_plan):
         evaluate(lambda observation: np.zeros(4), PUSH, episodes=2, env_kwargs=NO_FIELD)
 
 
-@pytest.mark.parametrize("name", ["num_envs", "max_episode_steps", "autoreset_mode", "action_repeat"])
+@pytest.mark.parametrize(
+    "name", ["num_envs", "max_episode_steps", "autoreset_mode", "action_repeat"]
+)
 def test_what_evaluate_decides_cannot_be_given(sweep_plan, name):
     """A shorter episode would begin anew within the row and be taken for the end of the first."""
     policy = OpenLoopPolicy(sweep_plan)
@@ -103,14 +115,22 @@ def test_a_plan_with_other_joints_is_refused(sweep_plan):
 
 
 def test_file_round_trip(sweep_plan, tmp_path):
-    full = evaluate(OpenLoopPolicy(sweep_plan), TRACK.replace("Track", "Push"), "nominal-start", 2, env_kwargs=NO_FIELD)
+    full = evaluate(
+        OpenLoopPolicy(sweep_plan),
+        TRACK.replace("Track", "Push"),
+        "nominal-start",
+        2,
+        env_kwargs=NO_FIELD,
+    )
     assert_same(full, Evaluation.load(full.save(tmp_path / "full.npz")))
     thin = Evaluation.load(full.save(tmp_path / "thin.npz", every=10))
     assert (thin.every, thin.goal_distance.shape, thin.d2g.shape) == (10, (2, 101), (2,))
     assert thin.spec == full.spec and thin.caging is None
     expanded = thin.expanded()
     assert np.allclose(expanded.pose[:, ::10], full.pose[:, ::10], atol=1e-6)
-    assert np.allclose(expanded.q_r, full.q_r, atol=1e-2) and np.allclose(expanded.pose, full.pose, atol=5e-3)
+    assert np.allclose(expanded.q_r, full.q_r, atol=1e-2) and np.allclose(
+        expanded.pose, full.pose, atol=5e-3
+    )
     assert expanded.contact.dtype == bool and expanded.every == 1
     data = (tmp_path / "thin.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(data[: len(data) // 2])
@@ -136,8 +156,11 @@ def diverge(monkeypatch, row: int, step: int) -> None:
 @pytest.mark.parametrize("step", [1, 400, 1000])
 def test_a_row_that_diverges_holds_its_last_good_entries_and_fails(sweep_plan, monkeypatch, step):
     def run():
-        everywhere = {**NO_FIELD, "goal": [0.55, 0.25]} if step == 1 else NO_FIELD  # starts at the goal
-        return evaluate(OpenLoopPolicy(sweep_plan), PUSH, "disturbance-5mm", episodes=3, env_kwargs=everywhere)
+        # starts at the goal
+        everywhere = {**NO_FIELD, "goal": [0.55, 0.25]} if step == 1 else NO_FIELD
+        return evaluate(
+            OpenLoopPolicy(sweep_plan), PUSH, "disturbance-5mm", episodes=3, env_kwargs=everywhere
+        )
 
     whole = run()
     diverge(monkeypatch, row=1, step=step)
@@ -146,7 +169,15 @@ def test_a_row_that_diverges_holds_its_last_good_entries_and_fails(sweep_plan, m
     assert cut.diverged.tolist() == [False, True, False] and summarise(cut)["diverged"] == 1
     assert not cut.success[1]
     assert cut.d2g[1] == max(0.0, cut.goal_distance[1, step - 1] - 0.05)
-    for name in ("goal_distance", "min_distance", "mean_distance", "tracking_error", "contact", "pose", "q_r"):
+    for name in (
+        "goal_distance",
+        "min_distance",
+        "mean_distance",
+        "tracking_error",
+        "contact",
+        "pose",
+        "q_r",
+    ):
         before, after = getattr(whole, name), getattr(cut, name)
         assert np.array_equal(before[[0, 2]], after[[0, 2]]), name
         assert np.array_equal(before[1, :step], after[1, :step]), name
@@ -158,5 +189,7 @@ def test_files_from_before_simulations_could_diverge_are_read(sweep_plan, tmp_pa
     file = dataclasses.replace(seen, diverged=np.array([True, False])).save(tmp_path / "new.npz")
     assert Evaluation.load(file).diverged.tolist() == [True, False]
     with np.load(file) as data:
-        np.savez(tmp_path / "old.npz", **{name: data[name] for name in data.files if name != "diverged"})
+        np.savez(
+            tmp_path / "old.npz", **{name: data[name] for name in data.files if name != "diverged"}
+        )
     assert Evaluation.load(tmp_path / "old.npz").diverged.tolist() == [False, False]

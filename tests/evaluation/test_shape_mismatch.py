@@ -25,12 +25,16 @@ def rounded_box(half: float, radius: float) -> RoundedPolygon:
     ("name", "corners", "millimetres", "degrees"),
     [("octagon", 8, 6.2, 22.5), ("hexagon", 6, 11.6, 30.0), ("square", 4, 31.1, 45.0)],
 )
-def test_polygons_around_the_circle_differ_most_at_their_corners(name, corners, millimetres, degrees):
+def test_polygons_around_the_circle_differ_most_at_their_corners(
+    name, corners, millimetres, degrees
+):
     mismatch = shape_mismatch(CIRCLE, get_object(name).shapes)
     displacement, where = mismatch.worst_displacement
     assert displacement == pytest.approx(RADIUS * (1 / np.cos(np.pi / corners) - 1), abs=1e-7)
     assert 1e3 * displacement == pytest.approx(millimetres, abs=0.05)
-    assert np.unique(np.round(where, 4)) == pytest.approx((2 * np.arange(corners) + 1) * np.pi / corners, abs=1e-4)
+    assert np.unique(np.round(where, 4)) == pytest.approx(
+        (2 * np.arange(corners) + 1) * np.pi / corners, abs=1e-4
+    )
     error, beside = mismatch.worst_normal_error
     assert error == pytest.approx(degrees * DEGREE, abs=1e-5)
     assert np.unique(np.round(beside, 4)) == pytest.approx(np.unique(np.round(where, 4)), abs=1e-4)
@@ -62,15 +66,23 @@ def test_rounded_corners_turn_smoothly():
     radius = 0.02
     mismatch = shape_mismatch(CIRCLE, [rounded_box(RADIUS, radius)])
     inner = RADIUS - radius
-    assert mismatch.worst_displacement[0] == pytest.approx(np.sqrt(2) * inner + radius - RADIUS, abs=1e-7)
-    assert mismatch.worst_normal_error[0] == pytest.approx(np.arctan(inner / RADIUS), abs=0.1 * DEGREE)
+    assert mismatch.worst_displacement[0] == pytest.approx(
+        np.sqrt(2) * inner + radius - RADIUS, abs=1e-7
+    )
+    assert mismatch.worst_normal_error[0] == pytest.approx(
+        np.arctan(inner / RADIUS), abs=0.1 * DEGREE
+    )
 
 
 def test_a_capsule_differs_at_its_ends():
     mismatch = shape_mismatch(CIRCLE, [capsule((-0.05, 0.0), (0.05, 0.0), RADIUS)])
     assert mismatch.worst_displacement[0] == pytest.approx(0.05, abs=1e-6)
-    assert np.unique(np.round(mismatch.worst_displacement[1], 3) % 6.283) == pytest.approx([0.0, np.pi], abs=1e-3)
-    assert mismatch.worst_normal_error[0] == pytest.approx(np.arctan(0.05 / RADIUS), abs=0.1 * DEGREE)
+    assert np.unique(np.round(mismatch.worst_displacement[1], 3) % 6.283) == pytest.approx(
+        [0.0, np.pi], abs=1e-3
+    )
+    assert mismatch.worst_normal_error[0] == pytest.approx(
+        np.arctan(0.05 / RADIUS), abs=0.1 * DEGREE
+    )
 
 
 def test_a_union_is_seen_from_outside_alone():
@@ -79,7 +91,9 @@ def test_a_union_is_seen_from_outside_alone():
     right = RoundedPolygon([(0.0, -0.1), (0.1, -0.1), (0.1, 0.1), (0.0, 0.1)])
     directions = np.linspace(0, 2 * np.pi, 77)
     for seen, whole in zip(
-        trace_surface([left, right], directions), trace_surface([box(0.2, 0.2)], directions), strict=True
+        trace_surface([left, right], directions),
+        trace_surface([box(0.2, 0.2)], directions),
+        strict=True,
     ):
         np.testing.assert_allclose(seen, whole, atol=1e-8)
 

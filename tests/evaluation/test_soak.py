@@ -1,4 +1,6 @@
-"""`piec bench --soak`: every id, dynamics and object is stepped, and a run goes on where its record ends."""
+"""`piec bench --soak`: every id, dynamics and object is stepped, and a run goes on where its record
+ends.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def test_a_run_goes_on_where_its_record_ends(tmp_path, monkeypatch):
     out = tmp_path / "soak.json"
     monkeypatch.setattr(soak, "make_cells", lambda steps: SMALL)
     whole = run_soak(100, out, progress=False)
-    assert whole["summary"]["complete"] and whole["summary"]["steps"] == sum(row["steps"] for row in whole["rows"])
+    assert whole["summary"]["complete"] and whole["summary"]["steps"] == sum(
+        row["steps"] for row in whole["rows"]
+    )
     cut = json.loads(out.read_text())
     cut["rows"], cut["summary"]["complete"] = cut["rows"][:2], False
     cut["rows"][0]["seconds"] = 123.0  # as it would not be measured again

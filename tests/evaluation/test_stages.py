@@ -29,7 +29,9 @@ def lines(capsys):
 
 def test_each_stage_has_an_estimate_before_and_a_time_after(clock, capsys):
     told = Stages(EXPECTED)
-    assert lines(capsys) == ["piec: 3 stages, about 16 s; kernels not compiled yet add minutes once"]
+    assert lines(capsys) == [
+        "piec: 3 stages, about 16 s; kernels not compiled yet add minutes once"
+    ]
     for name, spent in (("plan", 20.0), ("execute", 60.0), ("draw", 4.0)):
         with told.stage(name):
             clock[0] += spent
@@ -51,7 +53,10 @@ def test_what_an_earlier_run_did_is_said_and_teaches_nothing(clock, capsys):
         clock[0] += 0.1
     with told.stage("execute"):
         clock[0] += 4.0
-    assert lines(capsys)[2:4] == ["piec: 1 of 3: plan was done by an earlier run", "piec: 2 of 3: execute, about 4 s"]
+    assert lines(capsys)[2:4] == [
+        "piec: 1 of 3: plan was done by an earlier run",
+        "piec: 2 of 3: execute, about 4 s",
+    ]
 
 
 def test_more_cores_take_less_and_quiet_says_nothing(clock, capsys, monkeypatch):
@@ -65,7 +70,9 @@ def test_more_cores_take_less_and_quiet_says_nothing(clock, capsys, monkeypatch)
     assert lines(capsys) == []
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.2, "1 s"), (8.4, "8 s"), (99.4, "99 s"), (160.0, "2 min 40 s")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.2, "1 s"), (8.4, "8 s"), (99.4, "99 s"), (160.0, "2 min 40 s")]
+)
 def test_durations_are_told_in_words(value, text):
     assert seconds(value) == text
 
@@ -75,7 +82,12 @@ def test_the_demo_names_its_stages_unless_asked_to_be_quiet(quiet, tmp_path, cap
     monkeypatch.setenv(VARIABLE, str(int(quiet)))
     demo.run(make_parser().parse_args(["demo", "--smoke", "--out", str(tmp_path)]))
     told = [line for line in capfd.readouterr().err.splitlines() if "piec: " in line]
-    names = ["planning for contact", "planning for proximity", "planning for caging", "executing each plan 2 times"]
+    names = [
+        "planning for contact",
+        "planning for proximity",
+        "planning for caging",
+        "executing each plan 2 times",
+    ]
     names += ["drawing the picture", "drawing the animation"]
     assert len(told) == (0 if quiet else 1 + 2 * len(names) + 1)
     for name, line in zip(names, told[1:-1:2], strict=not quiet):

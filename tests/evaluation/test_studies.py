@@ -30,7 +30,9 @@ RUN = "import sys; from evaluation.cli import main; sys.exit(main(sys.argv[1:]))
 def outcome(folder: Path) -> list[dict]:
     """Records without what differs from run to run."""
     kept = ("key", "spec", "seed", "result")
-    return [{name: record[name] for name in kept} for record in read_records(folder / "records.jsonl")]
+    return [
+        {name: record[name] for name in kept} for record in read_records(folder / "records.jsonl")
+    ]
 
 
 LEARNED = "rl-comparison"  # needs the extra `rl`
@@ -69,19 +71,33 @@ def test_a_study_of_plans_leaves_them_and_says_what_n_is(results, name):
 
 def test_what_the_planning_model_draws_is_not_drawn_by_the_plant():
     drawn = {"randomize": {"friction": [0.2, 0.8]}}
-    case, plain = (Case("drawn", {"objective": "contact"}, {"object": "square"}, model=model) for model in (drawn, {}))
+    case, plain = (
+        Case("drawn", {"objective": "contact"}, {"object": "square"}, model=model)
+        for model in (drawn, {})
+    )
     spec = case.evaluation_work(0, "nominal", 1).spec
-    assert spec["plan"]["env_kwargs"] == {"object": "square", **drawn} and spec["env_kwargs"] == {"object": "square"}
+    assert spec["plan"]["env_kwargs"] == {"object": "square", **drawn} and spec["env_kwargs"] == {
+        "object": "square"
+    }
     assert case.plan_work(0).key != plain.plan_work(0).key
 
 
 def test_studies_share_plans(results):
     plans = [Plan.load(path) for path in (results / "plans").iterdir()]
-    kinds = {env_id: sorted(plan.objective for plan in plans if plan.env_id == env_id) for env_id in MOTIONS}
+    kinds = {
+        env_id: sorted(plan.objective for plan in plans if plan.env_id == env_id)
+        for env_id in MOTIONS
+    }
     assert kinds["piec_envs/PlanarArmPush-v0"] == ["adversarial", "caging", "contact"]
-    assert kinds["piec_envs/PlanarArmTrack-v0"] == [] and 3 <= len(plans) == sum(map(len, kinds.values()))
-    planned = [(plan.env_id, plan.objective, plan.preset, str(sorted(plan.env_kwargs.items()))) for plan in plans]
-    assert len(planned) == len(set(planned))  # never a copy, and sim-to-real takes that of franka-fixed
+    assert kinds["piec_envs/PlanarArmTrack-v0"] == [] and 3 <= len(plans) == sum(
+        map(len, kinds.values())
+    )
+    planned = [
+        (plan.env_id, plan.objective, plan.preset, str(sorted(plan.env_kwargs.items())))
+        for plan in plans
+    ]
+    # never a copy, and sim-to-real takes that of franka-fixed
+    assert len(planned) == len(set(planned))
     for name in PLANNED:
         for path in (results / name / "plans").iterdir():
             assert path.read_bytes() == (results / "plans" / path.name).read_bytes()
@@ -97,16 +113,26 @@ def test_the_annulus_is_a_cage_behind_a_hard_wall_alone(results):
         np.testing.assert_allclose(result["points"], result["points_exact"], rtol=0.03)
 
 
-@pytest.mark.parametrize("name", ["planar-friction", "planar-shape", "planar-dynamics", "planar-robustness"])
+@pytest.mark.parametrize(
+    "name", ["planar-friction", "planar-shape", "planar-dynamics", "planar-robustness"]
+)
 def test_studies_of_other_plants_stand_beside_the_unperturbed(results, name):
     with open(results / name / "table.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     protocols = {row["protocol"] for row in rows}
-    assert protocols == set(with_starts([name for name in protocols if not name.endswith("-start")]))
+    assert protocols == set(
+        with_starts([name for name in protocols if not name.endswith("-start")])
+    )
     assert len(rows) == 2 * len(protocols)  # contact and caging
     for row in rows:
-        assert all(row[column] for column in ("n", "success low", "deviation, m high", "unperturbed success"))
-        if row["protocol"].startswith(("nominal", "friction-0.50")) and row["protocol"] != "nominal-start":
+        assert all(
+            row[column]
+            for column in ("n", "success low", "deviation, m high", "unperturbed success")
+        )
+        if (
+            row["protocol"].startswith(("nominal", "friction-0.50"))
+            and row["protocol"] != "nominal-start"
+        ):
             assert float(row["deviation, m"]) == 0
     assert "Where caging falls short" in (results / name / "table.md").read_text()
 
@@ -132,10 +158,23 @@ def test_two_workers_do_the_same_as_one(results, tmp_path):
 def test_a_killed_study_resumes_without_losing_or_repeating_a_record(results, tmp_path):
     folder = tmp_path / "planar-adversary"
     records = folder / "records.jsonl"
-    arguments = [sys.executable, "-c", RUN, "reproduce", "planar-adversary", "--smoke", "--out", str(tmp_path)]
-    process = subprocess.Popen(arguments, cwd=ROOT, env={**os.environ, "TQDM_DISABLE": "1"}, stdout=subprocess.DEVNULL)
+    arguments = [
+        sys.executable,
+        "-c",
+        RUN,
+        "reproduce",
+        "planar-adversary",
+        "--smoke",
+        "--out",
+        str(tmp_path),
+    ]
+    process = subprocess.Popen(
+        arguments, cwd=ROOT, env={**os.environ, "TQDM_DISABLE": "1"}, stdout=subprocess.DEVNULL
+    )
     deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and (not records.exists() or records.read_bytes().count(b"\n") < 4):
+    while time.monotonic() < deadline and (
+        not records.exists() or records.read_bytes().count(b"\n") < 4
+    ):
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -178,7 +217,14 @@ def test_a_specs_key_changes_with_the_planner_and_not_with_its_name():
 
 def test_columns_state_n_and_all_plans():
     results = [
-        {"n": 100, "successes": k, "success_rate": k / 100, "d2g_mean": 0.0, "d2g_std": 0.0, "deviation": 0.1}
+        {
+            "n": 100,
+            "successes": k,
+            "success_rate": k / 100,
+            "d2g_mean": 0.0,
+            "d2g_std": 0.0,
+            "deviation": 0.1,
+        }
         | {"goal_distance_mean": k / 1000, "goal_distance_std": 0.0}
         for k in (100, 90, 95)
     ]

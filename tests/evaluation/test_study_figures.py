@@ -38,7 +38,11 @@ def execution(contact="link", item="circle_119"):
     pose = np.column_stack([[0.35, 0.1] + SHARE * (GOAL - [0.35, 0.1]), SHARE])
     q_r = CAGE + SHARE * [-0.15, -0.5, 0, 0, 0]
     body = get_object(item)
-    loose = np.stack([upright(body, poses_at_start(body, row))[1:] for row in pose]) if body.loose else None
+    loose = (
+        np.stack([upright(body, poses_at_start(body, row))[1:] for row in pose])
+        if body.loose
+        else None
+    )
     return figures.Trajectory(contact, name, item, GOAL, q_r, pose, period=1.0, loose=loose)
 
 
@@ -90,14 +94,21 @@ def test_keyframes_in_space_ask_for_the_states_at_their_times(tmp_path, monkeypa
     monkeypatch.setattr(SpaceFrames, "scene", scene)
     written(figures.space_keyframes(PLANS, tmp_path / "keys.png"))
     steps = [0, 33, 66, 100]
-    assert [call[:2] for call in asked] == [(plan.robot_name, plan.object_name) for plan in PLANS for _ in steps]
-    np.testing.assert_array_equal([call[3] for call in asked], np.concatenate([plan.pose[steps] for plan in PLANS]))
+    assert [call[:2] for call in asked] == [
+        (plan.robot_name, plan.object_name) for plan in PLANS for _ in steps
+    ]
+    np.testing.assert_array_equal(
+        [call[3] for call in asked], np.concatenate([plan.pose[steps] for plan in PLANS])
+    )
     np.testing.assert_array_equal([call[2] for call in asked[4:]], PLANS[1].q_r[steps])
     assert all(call[5] is None for call in asked[:4])
     np.testing.assert_array_equal([call[5] for call in asked[4:]], PLANS[1].loose[steps])
     assert len({(*call[4].centre, call[4].half) for call in asked}) == 1  # one view for all
     assert asked[0][6] == 1 < asked[1][6] < asked[2][6]  # the goal, and a way that grows
-    assert len(drawn[0].axes) == 8 and [ax.get_title() for ax in drawn[0].axes[:2]] == ["t = 0 s", "t = 33 s"]
+    assert len(drawn[0].axes) == 8 and [ax.get_title() for ax in drawn[0].axes[:2]] == [
+        "t = 0 s",
+        "t = 33 s",
+    ]
     assert [drawn[0].axes[k].texts[0].get_text() for k in (0, 4)] == ["point", "whole arm"]
 
 
@@ -106,9 +117,16 @@ def test_without_opengl_keyframes_are_drawn_in_the_plane(tmp_path, flat):
     pictures = []
     for k, plans in enumerate((PLANS, [PLANS[0], replace(PLANS[1], loose=shifted)])):
         with pytest.warns(UserWarning, match="in the plane: no OpenGL here"):
-            pictures.append(written(figures.space_keyframes(plans, tmp_path / f"{k}" / "flat.png", times=(0.0, 50.0))))
+            pictures.append(
+                written(
+                    figures.space_keyframes(
+                        plans, tmp_path / f"{k}" / "flat.png", times=(0.0, 50.0)
+                    )
+                )
+            )
     rows = np.argwhere((pictures[0] != pictures[1]).any(axis=(1, 2))).ravel()
-    assert len(rows) and rows.min() > 0.5 * len(pictures[0])  # the loose body of the lower row alone
+    # the loose body of the lower row alone
+    assert len(rows) and rows.min() > 0.5 * len(pictures[0])
 
 
 def test_loose_bodies_are_seen_in_keyframes_in_space(tmp_path):
@@ -137,7 +155,10 @@ def test_tradeoff_shows_plans_and_means(tmp_path, drawn):
     (ax,) = drawn[0].axes
     np.testing.assert_allclose(np.transpose(ax.lines[0].get_data()), [[0.3, 10], [0.55, 30]])
     assert [text.get_text() for text in ax.texts] == ["largest error of a success"]
-    assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == ["$\\lambda$ = 0", "$\\lambda$ = 1"]
+    assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == [
+        "$\\lambda$ = 0",
+        "$\\lambda$ = 1",
+    ]
     offsets = np.concatenate([np.asarray(dots.get_offsets()) for dots in ax.collections])
     assert [0.6, 40] in np.round(offsets, 9).tolist()
     assert ax.lines[1].get_ydata()[0] == pytest.approx(30)
@@ -145,7 +166,9 @@ def test_tradeoff_shows_plans_and_means(tmp_path, drawn):
 
 def test_reference_paths_show_ways_and_caging_of_each_weight(tmp_path, drawn):
     reference = PLANS[0].pose[:, :2] + [0.01, 0.0]
-    tracked = [replace(PLANS[0], reference=reference, pose=PLANS[0].pose + shift) for shift in (0.0, 0.02)]
+    tracked = [
+        replace(PLANS[0], reference=reference, pose=PLANS[0].pose + shift) for shift in (0.0, 0.02)
+    ]
     caging = np.linspace(0.5, 0.3, STEPS + 1)
     runs = {
         0.0: [figures.Tracked(tracked[0], caging)],
@@ -156,22 +179,30 @@ def test_reference_paths_show_ways_and_caging_of_each_weight(tmp_path, drawn):
     assert len(left.lines) == 1 + 1 + 3  # the reference once, the start, three ways
     np.testing.assert_allclose(np.transpose(left.lines[0].get_data()), reference)
     np.testing.assert_allclose([line.get_ydata() for line in right.lines], [caging, caging + 0.15])
-    assert right.lines[0].get_xdata()[-1] == STEPS and len(right.collections) == 1  # a range of two executions
+    # a range of two executions
+    assert right.lines[0].get_xdata()[-1] == STEPS and len(right.collections) == 1
     labels = [text.get_text() for text in drawn[0].legends[0].get_texts()]
     assert labels == ["reference", "$\\lambda$ = 0", "$\\lambda$ = 2"]
 
 
 def test_transfer_paths_have_a_panel_for_each_plant(tmp_path, drawn):
     trials = PLANS[0].pose + np.array([0.0, 0.02, 0.1])[:, None, None]
-    plans = [replace(PLANS[0], mode=name, disturbed=trials[:count]) for name, count in (("SM1", 2), ("SM2", 3))]
-    written(figures.transfer_paths([*plans, replace(PLANS[0], mode="SM3")], tmp_path / "transfer.png"))
+    plans = [
+        replace(PLANS[0], mode=name, disturbed=trials[:count])
+        for name, count in (("SM1", 2), ("SM2", 3))
+    ]
+    written(
+        figures.transfer_paths([*plans, replace(PLANS[0], mode="SM3")], tmp_path / "transfer.png")
+    )
     axes = drawn[0].axes
     assert [ax.get_title(loc="left") for ax in axes] == ["SM1", "SM2", "SM3"]
     assert [ax.get_title(loc="right") for ax in axes] == [
         f"{k} of {n} in the goal" for k, n in ((2, 2), (2, 3), (1, 1))
     ]
     np.testing.assert_array_equal(np.transpose(axes[1].lines[0].get_data()), PLANS[0].pose[:, :2])
-    np.testing.assert_allclose(np.transpose(axes[1].lines[-2].get_data()), trials.mean(axis=0)[:, :2])
+    np.testing.assert_allclose(
+        np.transpose(axes[1].lines[-2].get_data()), trials.mean(axis=0)[:, :2]
+    )
     assert axes[1].lines[-1].get_xydata().tolist() == [[0.35, 0.1]]
     assert [len(ax.lines) for ax in axes] == [1 + 2 * 2 + 2, 1 + 2 * 3 + 2, 2]
     assert all(ax.get_xlim() == axes[0].get_xlim() for ax in axes)
@@ -183,7 +214,9 @@ def test_animations_show_pale_parts_and_the_base():
         face = 255 * np.array(mix("white", mode_of(plan.mode).colour, 0.3 * PALE))
         return (np.abs(frame - face).max(axis=2) < 2).sum()
 
-    assert grey(PLANS[0]) > 5000 > 100 > grey(replace(PLANS[0], robot_name="mobile_franka_capsules"))
+    assert (
+        grey(PLANS[0]) > 5000 > 100 > grey(replace(PLANS[0], robot_name="mobile_franka_capsules"))
+    )
     first, second, *_ = rollout_frames([PLANS[0]], every=50)
     assert (first != second).any(axis=2).sum() > 5000
 
@@ -200,10 +233,15 @@ def test_a_watched_execution_has_its_loose_bodies(sweep_plan):
     plan = replace(sweep_plan, path=sweep_plan.path.copy())
     plant = {"object": "a4_box_roll_1", "dynamics": "mujoco"}
     seen = watched(plan, "executed", plant)
-    same = evaluate(OpenLoopPolicy(plan), plan.env_id, "nominal", 1, 0, {**plant, "escape_field": None})
+    same = evaluate(
+        OpenLoopPolicy(plan), plan.env_id, "nominal", 1, 0, {**plant, "escape_field": None}
+    )
     np.testing.assert_array_equal(seen.pose, same.pose[0])
     np.testing.assert_array_equal(seen.contact, same.contact[0])
-    assert seen.loose.shape == (1001, 1, 7) and np.linalg.norm(seen.loose[-1, 0, :2] - seen.loose[0, 0, :2]) > 0.05
+    assert (
+        seen.loose.shape == (1001, 1, 7)
+        and np.linalg.norm(seen.loose[-1, 0, :2] - seen.loose[0, 0, :2]) > 0.05
+    )
     assert seen.object_name == "a4_box_roll_1" and watched(plan, "planned", {}).loose is None
 
 

@@ -5,11 +5,25 @@ import csv
 import pytest
 
 from evaluation.metrics import Interval, wilson_interval
-from evaluation.tables import Estimate, Rates, Spread, csv_text, markdown, percent, write_atomic, write_table
+from evaluation.tables import (
+    Estimate,
+    Rates,
+    Spread,
+    csv_text,
+    markdown,
+    percent,
+    write_atomic,
+    write_table,
+)
 from piec_envs.errors import InvalidParameterError
 
 ROWS = [
-    {"mode": "caging", "success": wilson_interval(95, 100), "each": Rates([1, 0.904]), "end": Spread(0.0414, 0.002)},
+    {
+        "mode": "caging",
+        "success": wilson_interval(95, 100),
+        "each": Rates([1, 0.904]),
+        "end": Spread(0.0414, 0.002),
+    },
     {"mode": "a|b", "end": Estimate(0.0414, 0.0399, 0.0436), "extra": None},
 ]
 
@@ -22,7 +36,13 @@ def test_intervals_read_as_percent():
 def test_markdown():
     lines = markdown(ROWS, "A title", "A note.").splitlines()
     assert lines[0] == "# A title" and lines[-1] == "A note."
-    assert [cell.strip() for cell in lines[2].strip("|").split("|")] == ["mode", "success", "each", "end", "extra"]
+    assert [cell.strip() for cell in lines[2].strip("|").split("|")] == [
+        "mode",
+        "success",
+        "each",
+        "end",
+        "extra",
+    ]
     assert "95 [89, 98] %" in lines[4] and "100, 90 %" in lines[4] and "0.041 ± 0.002" in lines[4]
     assert "a\\|b" in lines[5] and lines[5].count(" - ") == 3 and "0.041 [0.040, 0.044]" in lines[5]
     assert len({len(line) for line in lines[2:6]}) == 1
@@ -30,10 +50,17 @@ def test_markdown():
 
 def test_csv_holds_numbers_in_full():
     first, second = csv.DictReader(csv_text(ROWS).splitlines())
-    assert float(first["success"]) == 0.95 and float(first["success low"]) == wilson_interval(95, 100).low
+    assert (
+        float(first["success"]) == 0.95
+        and float(first["success low"]) == wilson_interval(95, 100).low
+    )
     assert first["each"] == "1 0.904" and float(first["end std"]) == 0.002
     assert second["mode"] == "a|b" and second["success"] == ""
-    assert [float(second[name]) for name in ("end", "end low", "end high")] == [0.0414, 0.0399, 0.0436]
+    assert [float(second[name]) for name in ("end", "end low", "end high")] == [
+        0.0414,
+        0.0399,
+        0.0436,
+    ]
 
 
 def test_writing_is_atomic(tmp_path):

@@ -9,7 +9,16 @@ from evaluation.cli import main
 from piec_envs.versions import install_command
 
 HYPER = ["n_envs=2", "n_steps=10", "batch_size=20", "n_epochs=1", 'policy_kwargs={"net_arch": [8]}']
-TRAIN = ["train", "--steps", "60", "--set", "escape_field=null", "action_repeat=100", "--hyper", *HYPER]
+TRAIN = [
+    "train",
+    "--steps",
+    "60",
+    "--set",
+    "escape_field=null",
+    "action_repeat=100",
+    "--hyper",
+    *HYPER,
+]
 
 
 @pytest.fixture
@@ -29,13 +38,24 @@ def test_train_and_evaluate_the_agent(piec, tmp_path, capsys):
     file = tmp_path / "run" / "agent.zip"
     assert code == 0 and document["wrote"][0] == str(file) and document["steps"] == 60
     assert document["spec"]["env_kwargs"] == {
-        "action_repeat": 100, "escape_field": None, "start_noise": [0.01, 0.05],
-    }  # fmt: skip
+        "action_repeat": 100,
+        "escape_field": None,
+        "start_noise": [0.01, 0.05],
+    }
     assert main([*TRAIN, "--out", str(tmp_path / "run")]) == 0
     text = capsys.readouterr().out
     assert f"piec evaluate {file} --protocol nominal-start" in text
     assert text.rstrip().endswith(f"wrote {tmp_path / 'run' / 'tensorboard'}")
-    arguments = ["evaluate", file, "--episodes", 3, "--protocol", "nominal-start", "--out", tmp_path / "table"]
+    arguments = [
+        "evaluate",
+        file,
+        "--episodes",
+        3,
+        "--protocol",
+        "nominal-start",
+        "--out",
+        tmp_path / "table",
+    ]
     code, document = piec(*arguments, "--set", "escape_field=null")
     assert code == 0 and document["evaluations"][0]["n"] == 3
     assert "run/agent" in (tmp_path / "table" / "table.md").read_text(encoding="utf-8")
@@ -64,7 +84,9 @@ def test_bad_input_ends_with_one_line(arguments, message, tmp_path, capsys):
 @pytest.mark.parametrize("command", [["train"], ["evaluate", "agent.zip"]])
 def test_without_stable_baselines3_the_extra_is_named(command, monkeypatch, piec):
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    for name in [name for name in sys.modules if name.startswith(("planners", "evaluation.commands"))]:
+    for name in [
+        name for name in sys.modules if name.startswith(("planners", "evaluation.commands"))
+    ]:
         monkeypatch.delitem(sys.modules, name)
     import planners  # the rest works
     from planners import sb3

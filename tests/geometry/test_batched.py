@@ -1,4 +1,6 @@
-"""Kinematics and distances of many states, against those of one and against points on the surfaces."""
+"""Kinematics and distances of many states, against those of one and against points on the
+surfaces.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,10 @@ def test_every_row_is_that_of_its_state(states):
         assert alone[index] == scene_distances(scene, q[index], pose[index], distances)
         np.testing.assert_array_equal(around[index], distances)
         assert self_distances(ROBOT, q[index]) == alone[index]
-        for function, shape in ((robot_frames, (5, 4)), (robot_vertices, scene.robot.shapes.vertices.shape)):
+        for function, shape in (
+            (robot_frames, (5, 4)),
+            (robot_vertices, scene.robot.shapes.vertices.shape),
+        ):
             assert function(ROBOT, q[index]).shape == shape
             np.testing.assert_array_equal(function(ROBOT, q)[index], function(ROBOT, q[index]))
 
@@ -54,8 +59,11 @@ def test_frames_are_a_chain_of_the_joints(states):
     robot, q = get_robot(ROBOT), states[0][0]
     frames = robot_frames(ROBOT, q)
     assert np.all(frames[:, 0] == [0.0, 0.0, 1.0, 0.0])
-    np.testing.assert_allclose(np.arctan2(frames[..., -1, 3], frames[..., -1, 2]), np.angle(np.exp(1j * q.sum(axis=1))))
-    gaps = np.linalg.norm(np.diff(frames[:, 1:, :2], axis=1), axis=-1)  # between joints, in any posture
+    np.testing.assert_allclose(
+        np.arctan2(frames[..., -1, 3], frames[..., -1, 2]), np.angle(np.exp(1j * q.sum(axis=1)))
+    )
+    # between joints, in any posture
+    gaps = np.linalg.norm(np.diff(frames[:, 1:, :2], axis=1), axis=-1)
     lengths = [np.hypot(*joint.origin[:2]) for joint in robot.joints[1:]]
     np.testing.assert_allclose(gaps, np.broadcast_to(lengths, gaps.shape))
 

@@ -40,7 +40,9 @@ def test_faces_look_outward():
     turn = np.cross(edges[:, 0], edges[:, 1])
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
     np.testing.assert_allclose(turn, hull.normals, atol=1e-9)
-    assert (((hull.corners[:, 0] - hull.corners.mean(axis=(0, 1))) * hull.normals).sum(axis=1) > 0).all()
+    assert (
+        ((hull.corners[:, 0] - hull.corners.mean(axis=(0, 1))) * hull.normals).sum(axis=1) > 0
+    ).all()
 
 
 def test_outside_it_is_the_distance_of_mujoco():
@@ -57,7 +59,9 @@ def test_outside_it_is_the_distance_of_mujoco():
     for point, d in zip(points[distance > 0.01], distance[distance > 0.01], strict=True):
         data.mocap_pos[0] = point
         mujoco.mj_forward(model, data)
-        assert mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None) + 1e-3 == pytest.approx(d, abs=1e-5)
+        assert mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None) + 1e-3 == pytest.approx(
+            d, abs=1e-5
+        )
 
 
 def test_flat_vertices_are_refused():

@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from piec_envs.dynamics.contacts import contact_rows, find_contacts, make_contacts
-from piec_envs.geometry.body import least_distance, make_placed, place_scene, point_distance, scene_distances
+from piec_envs.geometry.body import (
+    least_distance,
+    make_placed,
+    place_scene,
+    point_distance,
+    scene_distances,
+)
 from piec_envs.geometry.kinematics import link_frames, place_shapes, point_velocity
 from piec_envs.geometry.polygon import core_distance
 from piec_envs.world.objects import OBJECTS
@@ -36,7 +42,9 @@ def contacts_within(scene, made, margin):
 
 def link_ends(q):
     """Joint and tip positions of the planar arm by complex numbers, shape (5,)."""
-    return np.concatenate([[0], np.cumsum(np.array([0.4, 0.4, 0.4, 0.2]) * np.exp(1j * np.cumsum(q)))])
+    return np.concatenate(
+        [[0], np.cumsum(np.array([0.4, 0.4, 0.4, 0.2]) * np.exp(1j * np.cumsum(q)))]
+    )
 
 
 @given(q=configurations)
@@ -68,13 +76,24 @@ def test_point_distance_equals_sampled_capsules(q, x, y):
 def test_least_distance_is_point_distance(q, x, y):
     robot = pack_robot("franka_capsules")
     shapes = robot.shapes
-    frames, vertices, centres = np.empty((4, 4)), np.empty_like(shapes.vertices), np.empty_like(shapes.centre)
+    frames, vertices, centres = (
+        np.empty((4, 4)),
+        np.empty_like(shapes.vertices),
+        np.empty_like(shapes.centre),
+    )
     link_frames(robot, np.array(q), frames)
     place_shapes(shapes, frames, vertices, centres)
-    assert least_distance(shapes, vertices, centres, x, y) == point_distance(shapes, vertices, x, y)[0]
+    assert (
+        least_distance(shapes, vertices, centres, x, y) == point_distance(shapes, vertices, x, y)[0]
+    )
 
 
-@given(q=configurations, pose=poses, name=st.sampled_from(list(OBJECTS)), step=st.tuples(*[st.floats(-1, 1)] * 3))
+@given(
+    q=configurations,
+    pose=poses,
+    name=st.sampled_from(list(OBJECTS)),
+    step=st.tuples(*[st.floats(-1, 1)] * 3),
+)
 def test_link_distance_is_lipschitz(q, pose, name, step):
     """Moving the object by at most s changes no distance by more than s."""
     scene = pack_scene("planar_arm", name)
@@ -123,7 +142,9 @@ def test_point_velocity_against_finite_differences(q, j, x, y):
         f = placed(scene, turned, np.zeros(3)).frames
         moved.append(f[j + 1, 0] + 1j * f[j + 1, 1] + (f[j + 1, 2] + 1j * f[j + 1, 3]) * local)
     slope = (moved[1] - moved[0]) / (2 * h)
-    np.testing.assert_allclose(point_velocity(scene.robot, frames, j, x, y), [slope.real, slope.imag], atol=1e-8)
+    np.testing.assert_allclose(
+        point_velocity(scene.robot, frames, j, x, y), [slope.real, slope.imag], atol=1e-8
+    )
 
 
 @settings(max_examples=60)

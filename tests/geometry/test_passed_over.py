@@ -20,7 +20,9 @@ def _pieces():
     rounded = RoundedPolygon(square + np.array([0.1, 0.02]), 0.03)
     hexagon = RoundedPolygon(regular_polygon(6, 0.04).vertices - np.array([0.08, 0.05]))
     parts = [disc(0.05), hexagon, rounded, capsule((0.0, 0.05), (0.0, 0.2), 0.01)]
-    return pack_scene("planar_arm", "circle").object._replace(shapes=pack_shapes([(s, 0, 0) for s in parts]))
+    return pack_scene("planar_arm", "circle").object._replace(
+        shapes=pack_shapes([(s, 0, 0) for s in parts])
+    )
 
 
 SCENES = {
@@ -52,14 +54,18 @@ def exact_pairs(scene, placed):
         [
             [
                 core_distance(
-                    placed.robot_vertices, arm.first[i], arm.first[i + 1],
-                    placed.object_vertices, item.first[k], item.first[k + 1],
+                    placed.robot_vertices,
+                    arm.first[i],
+                    arm.first[i + 1],
+                    placed.object_vertices,
+                    item.first[k],
+                    item.first[k + 1],
                 )
                 for k in range(len(item.radius))
             ]
             for i in range(len(arm.radius))
         ]
-    )  # fmt: skip
+    )
 
 
 def found(scene, placed, margin):
@@ -77,7 +83,9 @@ def test_distances_and_contacts_are_those_of_all_pairs(name, data):
     q, pose = near_the_robot(scene, data)
     placed, distances = make_placed(scene), np.empty(scene.robot.links)
     first = st.integers(0, len(item.radius) - 1)
-    placed.nearest[:] = data.draw(st.lists(first, min_size=len(arm.radius), max_size=len(arm.radius)))
+    placed.nearest[:] = data.draw(
+        st.lists(first, min_size=len(arm.radius), max_size=len(arm.radius))
+    )
     place_scene(scene, q, pose, placed, distances)
     pairs = exact_pairs(scene, placed)
     gaps = pairs[:, :, 0] - arm.radius[:, None] - item.radius

@@ -1,4 +1,6 @@
-"""Distances of convex polygons with few and many corners, against all pairs of corners and edges."""
+"""Distances of convex polygons with few and many corners, against all pairs of corners and
+edges.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +21,22 @@ def polygon(corners, rng):
 
 
 def to_edges(points, corners):
-    """Distance of each point to each edge, shape (P, E), and how far it is beyond the edge's line."""
+    """Distance of each point to each edge, shape (P, E), and how far it is beyond the
+    edge's line.
+    """
     edge = np.roll(corners, -1, axis=0) - corners
     rest = points[:, None] - corners
     t = np.clip((rest * edge).sum(-1) / (edge**2).sum(-1), 0, 1)
-    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)
+    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(
+        edge, axis=1, keepdims=True
+    )
     return np.linalg.norm(rest - t[..., None] * edge, axis=-1), (rest * normal).sum(-1)
 
 
 def plain_distance(a, b):
-    """The distance of two polygons; where they overlap, minus the least translation that parts them."""
+    """The distance of two polygons; where they overlap, minus the least translation that parts
+    them.
+    """
     (near_a, beyond_a), (near_b, beyond_b) = to_edges(b, a), to_edges(a, b)
     gap = max(beyond_a.min(axis=0).max(), beyond_b.min(axis=0).max())
     return gap if gap < 0 else min(near_a.min(), near_b.min())
@@ -44,7 +52,8 @@ def test_two_polygons(m, n):
         distance, *normal = core_distance(a, 0, m, b, 0, n)
         assert distance == pytest.approx(plain_distance(a, b), abs=1e-12)
         assert np.hypot(*normal) == pytest.approx(1)
-        touching = b - distance * np.array(normal)  # moved by the distance against the normal they just touch
+        # moved by the distance against the normal they just touch
+        touching = b - distance * np.array(normal)
         assert plain_distance(a, touching) == pytest.approx(0, abs=1e-9)
         back, *other = core_distance(b, 0, n, a, 0, m)
         assert back == pytest.approx(distance, abs=1e-12)

@@ -1,4 +1,6 @@
-"""The robot distance field: against the exact distance, its readable twin, differences; and its file."""
+"""The robot distance field: against the exact distance, its readable twin, differences; and its
+file.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def field():
 
 def draw(rows, k, seed=0):
     rng = np.random.default_rng(seed)
-    return rng.uniform([-0.8, -0.8, -0.4], [0.8, 0.8, 1.2], (rows, k, 3)), rng.uniform(LOWER, UPPER, (rows, 7))
+    return rng.uniform([-0.8, -0.8, -0.4], [0.8, 0.8, 1.2], (rows, k, 3)), rng.uniform(
+        LOWER, UPPER, (rows, 7)
+    )
 
 
 def test_basis_sums_to_one_and_has_the_slope_of_its_differences():
@@ -61,7 +65,10 @@ def test_kernels_match_their_readable_twin(field):
     for d, twin in zip(
         field.gradients(points, q),
         zip(
-            *(arm_reference(panda_shapes(), field.bodies, p, row) for p, row in zip(points, q, strict=True)),
+            *(
+                arm_reference(panda_shapes(), field.bodies, p, row)
+                for p, row in zip(points, q, strict=True)
+            ),
             strict=True,
         ),
         strict=True,
@@ -76,7 +83,8 @@ def test_gradients_match_differences(field):
     h = 1e-5
     for axis, step in enumerate(h * np.eye(3)):
         difference = (field.distance(points + step, q) - field.distance(points - step, q)) / (2 * h)
-        assert np.quantile(np.abs(difference - in_p[..., axis]), 0.97) < 1e-4  # the rest lies on a ridge
+        # the rest lies on a ridge
+        assert np.quantile(np.abs(difference - in_p[..., axis]), 0.97) < 1e-4
     for joint, step in enumerate(h * np.eye(7)):
         difference = (field.distance(points, q + step) - field.distance(points, q - step)) / (2 * h)
         assert np.quantile(np.abs(difference - in_q[..., joint]), 0.97) < 1e-4
@@ -103,7 +111,9 @@ def test_rows_are_those_of_single_queries_bit_for_bit(field, threads):
 def test_bodies_can_be_chosen(field):
     points, q = draw(2, 40)
     each = [panda_distance_field(bodies=(body,)).distance(points, q) for body in BODIES]
-    np.testing.assert_allclose(panda_distance_field(bodies=BODIES).distance(points, q), np.min(each, axis=0), atol=1e-9)
+    np.testing.assert_allclose(
+        panda_distance_field(bodies=BODIES).distance(points, q), np.min(each, axis=0), atol=1e-9
+    )
     np.testing.assert_allclose(field.distance(points, q), np.min(each[1:], axis=0), atol=1e-9)
 
 
@@ -131,7 +141,9 @@ def _meshes():
 def test_a_file_holds_what_was_fitted(saved):
     shapes, path = saved
     loaded = load_shapes(path, LOW_DEGREE)
-    assert list(loaded) == list(shapes) and [item.name for item in path.parent.iterdir()] == [path.name]
+    assert list(loaded) == list(shapes) and [item.name for item in path.parent.iterdir()] == [
+        path.name
+    ]
     for name, shape in shapes.items():
         assert (loaded[name].weights == shape.weights).all() and loaded[name].slack == shape.slack
         assert loaded[name].error == shape.error
@@ -141,7 +153,9 @@ def rewrite(path, target, **changes):
     """A copy of the file with other arrays or another description."""
     with np.load(path) as data:
         arrays = {name: data[name] for name in data.files}
-    meta = json.loads(arrays.pop("meta").tobytes()) | {k: v for k, v in changes.items() if k not in arrays}
+    meta = json.loads(arrays.pop("meta").tobytes()) | {
+        k: v for k, v in changes.items() if k not in arrays
+    }
     arrays |= {k: v for k, v in changes.items() if k in arrays}
     np.savez(target, meta=np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8), **arrays)
     return target
@@ -166,7 +180,12 @@ def test_another_file_is_refused(saved, tmp_path, changes, message):
 
 def test_a_broken_or_missing_file_is_refused(saved, tmp_path):
     data = saved[1].read_bytes()
-    for content in (b"", b"not a file", data[: len(data) // 2], data[:100] + b"?" * 50 + data[150:]):
+    for content in (
+        b"",
+        b"not a file",
+        data[: len(data) // 2],
+        data[:100] + b"?" * 50 + data[150:],
+    ):
         (tmp_path / "broken.npz").write_bytes(content)
         with pytest.raises(DistanceFieldError, match=r"broken.npz"):
             load_shapes(tmp_path / "broken.npz")

@@ -1,4 +1,6 @@
-"""Carrying: the base moves in a straight line or along the reference, and the arm keeps its posture."""
+"""Carrying: the base moves in a straight line or along the reference, and the arm keeps its
+posture.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from planners import OpenLoopPolicy, Plan, RigidCarry
 
 PUSH, TRACK = "piec_envs/MobileFrankaPush-v0", "piec_envs/MobileFrankaTrack-v0"
 CAPSULES = {"geometry": "capsules"}
-CLEAR = [-1.0, 1.0, 0.5, -1.5, 1.5]  # out of reach of the object, so that nothing presses on the arm
+# out of reach of the object, so that nothing presses on the arm
+CLEAR = [-1.0, 1.0, 0.5, -1.5, 1.5]
 LINE = MOBILE.goal - MOBILE.start[:2]
 
 
@@ -36,12 +39,19 @@ def test_the_base_follows_a_reference_in_time(side):
 
 def test_a_caged_object_arrives_and_the_plan_says_what_happens():
     plan = RigidCarry().plan(PUSH, **CAPSULES)
-    assert plan.nominal["d2g"] == 0 and plan.objective == "carry" and plan.robot == "mobile_franka_capsules"
+    assert (
+        plan.nominal["d2g"] == 0
+        and plan.objective == "carry"
+        and plan.robot == "mobile_franka_capsules"
+    )
     env = gym.make(PUSH, escape_field=None, **CAPSULES).unwrapped
     env.reset(seed=0)
     pose = env.rollout(env.get_state(), path=plan.path[None, 1:]).motion.pose[0, -1]
-    assert np.hypot(*(pose[:2] - MOBILE.goal)) == pytest.approx(plan.nominal["goal_distance"], abs=1e-9)
-    np.testing.assert_allclose(plan.path[-1] - plan.path[0], [*LINE, 0, 0, 0], atol=0.02)  # it is pressed a little
+    assert np.hypot(*(pose[:2] - MOBILE.goal)) == pytest.approx(
+        plan.nominal["goal_distance"], abs=1e-9
+    )
+    # it is pressed a little
+    np.testing.assert_allclose(plan.path[-1] - plan.path[0], [*LINE, 0, 0, 0], atol=0.02)
 
 
 def test_a_plan_of_a_mobile_robot_round_trips_through_a_file(tmp_path):
@@ -49,11 +59,19 @@ def test_a_plan_of_a_mobile_robot_round_trips_through_a_file(tmp_path):
     again = Plan.load(plan.save(tmp_path / "plan.npz"))
     for name, value in vars(plan).items():
         np.testing.assert_array_equal(getattr(again, name), value)
-    assert again.env_kwargs == {"escape_field": None, "contact": "link", "start": "cage", **CAPSULES}
+    assert again.env_kwargs == {
+        "escape_field": None,
+        "contact": "link",
+        "start": "cage",
+        **CAPSULES,
+    }
 
 
 def test_a_robot_that_stands_still_carries_nothing():
-    for env_id, options in (("piec_envs/FrankaPush-v0", CAPSULES), ("piec_envs/PlanarArmPush-v0", {})):
+    for env_id, options in (
+        ("piec_envs/FrankaPush-v0", CAPSULES),
+        ("piec_envs/PlanarArmPush-v0", {}),
+    ):
         with pytest.raises(InvalidParameterError, match="no base that slides"):
             RigidCarry().plan(env_id, **options)
 
@@ -85,7 +103,10 @@ def test_the_policy_catches_up_exactly_after_a_stall(plan):
 
 def test_a_plan_fits_its_own_start_and_contact_alone(plan):
     plan.check_fits(PUSH, "mobile_franka_capsules", np.array(CLEAR))
-    with pytest.raises(PlanError, match=r"starts at \[-1\.0, 1\.0, 0\.5.*but the arm at \[-1\.0, 1\.0, 0\.6.*`start`"):
+    with pytest.raises(
+        PlanError,
+        match=r"starts at \[-1\.0, 1\.0, 0\.5.*but the arm at \[-1\.0, 1\.0, 0\.6.*`start`",
+    ):
         plan.check_fits(PUSH, "mobile_franka_capsules", np.add(CLEAR, [0, 0, 0.1, 0, 0]))
     for other in ("mobile_franka_link_capsules", "mobile_franka_point_capsules", "mobile_franka"):
         with pytest.raises(PlanError, match=f"of 'mobile_franka_capsules', not .* of '{other}'"):

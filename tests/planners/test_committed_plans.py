@@ -1,4 +1,6 @@
-"""Every committed plan: its joints move no faster than the arm can, but for what a pressed joint springs back."""
+"""Every committed plan: its joints move no faster than the arm can, but for what a pressed joint
+springs back.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +16,16 @@ from planners import Plan
 from planners.base import nominal_start
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
-SPRING = 2.1  # largest joint step over the limit of speed: a command leads its joint by twice that at most
+# largest joint step over the limit of speed: a command leads its joint by twice that at most
+SPRING = 2.1
 PLANS = sorted(RESULTS.glob("*/plans/*.npz"))
 NAMES = [path.relative_to(RESULTS).with_suffix("").as_posix() for path in PLANS]
 
 
 def executed(plan):
-    """Steps of the joints where the plan is carried out under its own model, how far they were pressed, (N, n)."""
+    """Steps of the joints where the plan is carried out under its own model, how far they were
+    pressed, (N, n).
+    """
     free = {**plan.env_kwargs, "escape_field": None, "prior": None, "adversary": 0.0}
     model, start, _ = nominal_start(plan.env_id, free, plan.seed)
     motion = model.rollout(start, plan.path[None, 1:], absolute=True).motion
@@ -32,7 +37,8 @@ def executed(plan):
 def test_no_joint_leaps(path):
     plan = Plan.load(path)
     limit = CONTROL_PERIOD * get_robot(plan.robot).speed_limit  # (n,)
-    if plan.preset in PAPER_PRESETS:  # no limit of the lead: a joint springs back by as much as it was pressed
+    # no limit of the lead: a joint springs back by as much as it was pressed
+    if plan.preset in PAPER_PRESETS:
         steps, lead = executed(plan)
         assert (steps <= SPRING * limit + lead).all()
     else:

@@ -16,11 +16,16 @@ from planners.sqp import step_size
 
 POSE = np.array([-0.27, 0.09, -2.14])
 FIELD = make_field("grid", resolution=64, method="marching", threads=1)
-SMALL = {CmaEsConfiguration: {"population": 20, "iterations": 15}, SqpConfiguration: {"iterations": 20}}
+SMALL = {
+    CmaEsConfiguration: {"population": 20, "iterations": 15},
+    SqpConfiguration: {"iterations": 20},
+}
 
 
 def problem_of(object_name="three_discs", pose=POSE, **choice) -> CagingProblem:
-    return CagingProblem("planar_arm", object_name, pose, choice.pop("field", FIELD), threads=1, **choice)
+    return CagingProblem(
+        "planar_arm", object_name, pose, choice.pop("field", FIELD), threads=1, **choice
+    )
 
 
 def postures(problem: CagingProblem, rows: int, seed: int = 0) -> np.ndarray:
@@ -33,10 +38,13 @@ def postures(problem: CagingProblem, rows: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("name", OBJECTS)
 def test_constraint_gradients_are_finite_differences(name):
     problem, h = problem_of(name), 1e-6
-    q = draw_postures(problem, "uniform", 200, np.random.default_rng(1))  # many overlap object or self
+    # many overlap object or self
+    q = draw_postures(problem, "uniform", 200, np.random.default_rng(1))
     phi, dphi = problem.constraints(q)
     steps = h * np.eye(4)
-    slopes = [(problem.constraints(q + e)[0] - problem.constraints(q - e)[0]) / (2 * h) for e in steps]
+    slopes = [
+        (problem.constraints(q + e)[0] - problem.constraints(q - e)[0]) / (2 * h) for e in steps
+    ]
     assert (phi < 0).any() and (phi > 0).any()
     smooth = np.abs(np.stack(slopes, axis=-1) - dphi) < 1e-6
     assert smooth.mean() > 0.999  # but where the closest features change within h
@@ -60,9 +68,17 @@ def test_escape_time_gradient_is_a_finite_difference(reduce):
     np.testing.assert_allclose(times, judged.escape_time[judged.feasible])
     q, slopes = q[np.linalg.norm(slopes, axis=1) > 1], slopes[np.linalg.norm(slopes, axis=1) > 1]
     steps = h * np.eye(4)
-    numeric = np.stack([(problem.escape_time(q + e)[0] - problem.escape_time(q - e)[0]) / (2 * h) for e in steps], -1)
-    cosine = (slopes * numeric).sum(axis=1) / np.linalg.norm(slopes, axis=1) / np.linalg.norm(numeric, axis=1)
-    assert len(q) > 5 and np.median(cosine) > 0.99  # a change of the escape route makes single ones jump
+    numeric = np.stack(
+        [(problem.escape_time(q + e)[0] - problem.escape_time(q - e)[0]) / (2 * h) for e in steps],
+        -1,
+    )
+    cosine = (
+        (slopes * numeric).sum(axis=1)
+        / np.linalg.norm(slopes, axis=1)
+        / np.linalg.norm(numeric, axis=1)
+    )
+    # a change of the escape route makes single ones jump
+    assert len(q) > 5 and np.median(cosine) > 0.99
 
 
 def test_value_is_the_escape_time_of_the_object_less_a_penalty_on_overlap():
@@ -81,7 +97,9 @@ def test_value_is_the_escape_time_of_the_object_less_a_penalty_on_overlap():
 def test_penalty_grows_with_overlap_and_distance_is_free():
     """The paper prints + w sum(phi) in a cost that is minimised, which would reward overlap."""
     values = Postures(np.zeros(4), np.array([[1.0], [0.1], [-0.01], [-0.02]])).value
-    np.testing.assert_allclose(values, [0.0, 0.0, -0.01 * COLLISION_WEIGHT, -0.02 * COLLISION_WEIGHT])
+    np.testing.assert_allclose(
+        values, [0.0, 0.0, -0.01 * COLLISION_WEIGHT, -0.02 * COLLISION_WEIGHT]
+    )
 
 
 def test_each_row_may_have_its_own_pose():
@@ -100,7 +118,15 @@ def test_bad_problems_are_refused():
         ({"reduce": "min"}, "max"),
     ):
         with pytest.raises(UnknownNameError, match=message):
-            CagingProblem(**{"robot": "planar_arm", "object": "circle", "pose": POSE, "field": FIELD, **choice})
+            CagingProblem(
+                **{
+                    "robot": "planar_arm",
+                    "object": "circle",
+                    "pose": POSE,
+                    "field": FIELD,
+                    **choice,
+                }
+            )
     with pytest.raises(InvalidParameterError, match=r"less than 1.4 m from the base.*1.500 m"):
         problem_of("circle", pose=[1.5, 0.0, 0.0])
     for pose in ([np.nan, 0.0, 0.0], [0.1, 0.2], "here"):
@@ -126,14 +152,20 @@ def test_results_keep_limits_and_constraints_and_follow_from_the_seed(optimiser)
     assert (found.posture != other.posture).any()
     assert found.feasible and min(found.object_distance, found.self_distance) >= -1e-6
     assert (found.posture >= problem.lower).all() and (found.posture <= problem.upper).all()
-    assert found.escape_time == problem.measure(found.posture[None]).escape_time[0] == found.history[-1]
+    assert (
+        found.escape_time
+        == problem.measure(found.posture[None]).escape_time[0]
+        == found.history[-1]
+    )
     assert (np.diff(found.history[np.isfinite(found.history)]) >= 0).all()
 
 
 def test_cma_es_encloses_the_object_and_counts_its_queries():
     hard = make_field("grid", resolution=100, method="marching", speed={"leak": 0.0})
     problem = problem_of()
-    found = CmaEsConfiguration(population=40, iterations=30, guesses=50, kind="curled").solve(problem)
+    found = CmaEsConfiguration(population=40, iterations=30, guesses=50, kind="curled").solve(
+        problem
+    )
     assert found.queries == 50 + 40 * 30
     assert np.isinf(hard.query(problem.key_points, found.posture)).all()
 
@@ -153,7 +185,9 @@ def test_sqp_never_ends_below_a_feasible_start():
 
 
 def test_sqp_step_satisfies_the_kkt_conditions():
-    """The gradient of the quadratic program is held up by its active rows alone, with the right signs."""
+    """The gradient of the quadratic program is held up by its active rows alone, with the right
+    signs.
+    """
     problem, sqp = problem_of(), SqpConfiguration(trust=0.2)
     q = postures(problem, 2000, seed=1)
     judged = problem.measure(q)

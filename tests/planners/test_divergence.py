@@ -1,4 +1,6 @@
-"""A simulation that ends early must not look cheap to a planner, because what is left of it rests."""
+"""A simulation that ends early must not look cheap to a planner, because what is left of it
+rests.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +35,10 @@ def test_so_does_what_diverges_when_disturbed_alone(stuck):
     free, caught = stuck
     path = np.zeros((1, 1000, 4))
     both = caught.start.take([0, 0])
-    both.pose[1], both.q_r[1], both.q_cmd[1] = free.start.pose[0], free.start.q_r[0], free.start.q_cmd[0]
+    both.pose[1], both.q_r[1], both.q_cmd[1] = (
+        free.start.pose[0],
+        free.start.q_r[0],
+        free.start.q_cmd[0],
+    )
     cost, alone = free.disturbed(path, both)[0], free.disturbed(path, free.start)[0]
     assert cost - alone > 0.49 * 1000 * DIVERGENCE_WEIGHT

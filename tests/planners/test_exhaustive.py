@@ -23,14 +23,20 @@ def problem() -> CagingProblem:
 
 
 def test_the_grid_of_values_is_what_the_problem_measures(problem):
-    heads, inner = outer_postures(problem, SEARCH.headings, SEARCH.offset), inner_postures(problem, SEARCH.spacing)
+    heads, inner = (
+        outer_postures(problem, SEARCH.headings, SEARCH.offset),
+        inner_postures(problem, SEARCH.spacing),
+    )
     values = SEARCH._values(problem, heads, inner[::7], -np.inf)
-    q = np.array([[np.append(head, posture) for head in heads] for posture in inner[::7]])  # (B, H, 3)
+    # (B, H, 3)
+    q = np.array([[np.append(head, posture) for head in heads] for posture in inner[::7]])
     judged = problem.measure(q.reshape(-1, 3))
     allowed = (judged.phi >= 0).all(axis=1).reshape(values.shape)
     np.testing.assert_array_equal(np.isfinite(values), allowed)
     assert 100 < allowed.sum() < allowed.size
-    np.testing.assert_allclose(values[allowed], judged.escape_time.reshape(values.shape)[allowed], rtol=1e-9)
+    np.testing.assert_allclose(
+        values[allowed], judged.escape_time.reshape(values.shape)[allowed], rtol=1e-9
+    )
 
 
 def test_it_keeps_the_constraints_and_no_random_posture_is_better(problem):
@@ -46,7 +52,8 @@ def test_it_keeps_the_constraints_and_no_random_posture_is_better(problem):
 
 
 @pytest.mark.parametrize(
-    ("choice", "name"), [({"spacing": 0.0}, "spacing"), ({"headings": 0}, "headings"), ({"polished": 1.5}, "polished")]
+    ("choice", "name"),
+    [({"spacing": 0.0}, "spacing"), ({"headings": 0}, "headings"), ({"polished": 1.5}, "polished")],
 )
 def test_bad_arguments_are_refused(choice, name):
     with pytest.raises(InvalidParameterError, match=name):
@@ -68,7 +75,9 @@ def test_an_object_that_no_posture_clears_is_said(problem):
 # --- a base that slides ------------------------------------------------------------------------
 
 ROUND = np.array([0.35, 0.1, 0.0])
-MOBILE = ExhaustiveConfiguration(spacing=0.5, headings=1, offset=0.08, polished=3, population=10, iterations=10)
+MOBILE = ExhaustiveConfiguration(
+    spacing=0.5, headings=1, offset=0.08, polished=3, population=10, iterations=10
+)
 
 
 @pytest.fixture(scope="module")
@@ -85,15 +94,20 @@ def test_with_a_sliding_base_the_grid_of_values_is_what_the_problem_measures(sli
     allowed = (judged.phi >= 0).all(axis=1).reshape(values.shape)
     np.testing.assert_array_equal(np.isfinite(values), allowed)
     assert 100 < allowed.sum() < allowed.size
-    np.testing.assert_allclose(values[allowed], judged.escape_time.reshape(values.shape)[allowed], rtol=1e-9)
+    np.testing.assert_allclose(
+        values[allowed], judged.escape_time.reshape(values.shape)[allowed], rtol=1e-9
+    )
 
 
 def test_with_a_sliding_base_no_search_finds_a_better_posture(sliding):
     found = MOBILE.solve(sliding)
-    search = CmaEsConfiguration(population=20, iterations=30, restarts=1, sigma=0.2, guesses=500, kind="curled")
+    search = CmaEsConfiguration(
+        population=20, iterations=30, restarts=1, sigma=0.2, guesses=500, kind="curled"
+    )
     nearby = search.solve(sliding, start=np.array([0.2, 0.1, 0.0, -2.0, 1.0]))
     assert found.feasible and nearby.feasible and found.escape_time >= nearby.escape_time
-    free = (1.0 - np.hypot(*(ROUND[:2] - found.posture[:2]))) / sliding.field.u_bar  # of that place without an arm
+    # of that place without an arm
+    free = (1.0 - np.hypot(*(ROUND[:2] - found.posture[:2]))) / sliding.field.u_bar
     assert found.escape_time > free
 
 
@@ -102,14 +116,19 @@ def test_places_headings_and_inner_postures_cover_the_workspace(sliding):
     away = outer[:, :2] - ROUND[:2]
     assert np.hypot(*away.T).max() < robot.workspace_radius
     rng = np.random.default_rng(0)
-    angle, radius = rng.uniform(0, 2 * np.pi, 500), robot.workspace_radius * np.sqrt(rng.uniform(0, 1, 500))
+    angle, radius = (
+        rng.uniform(0, 2 * np.pi, 500),
+        robot.workspace_radius * np.sqrt(rng.uniform(0, 1, 500)),
+    )
     bases = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     gaps = np.hypot(*(bases[:, None] - away[::5]).transpose(2, 0, 1)).min(axis=1)
     inside = radius < robot.workspace_radius - 0.08
     assert gaps[inside].max() <= 0.08 / np.sqrt(2) + 1e-12 and gaps.max() < 0.08 * np.sqrt(2)
     for place in range(0, len(outer), 5):  # every place with every heading
         assert (outer[place : place + 5, :2] == outer[place, :2]).all()
-        np.testing.assert_allclose(outer[place : place + 5, 2], np.linspace(sliding.lower[2], sliding.upper[2], 5))
+        np.testing.assert_allclose(
+            outer[place : place + 5, 2], np.linspace(sliding.lower[2], sliding.upper[2], 5)
+        )
     inner = inner_postures(sliding, 0.5)
     for joint in range(2):
         values = np.unique(inner[:, joint])

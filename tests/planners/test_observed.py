@@ -92,7 +92,9 @@ WRAPPERS = {
 
 @pytest.mark.parametrize("wrap", WRAPPERS.values(), ids=WRAPPERS)
 def test_wrapped_ones_are_refused_before_the_arm_has_moved_far(wrap):
-    """Executed on 24 entries, whose last is another time, a plan once ended 0.3 m away without a word."""
+    """Executed on 24 entries, whose last is another time, a plan once ended 0.3 m away without a
+    word.
+    """
     env = wrap(gym.make(PUSH, **BARE))
     policy = plan_for(PUSH).policy()
     observation, _ = env.reset(seed=0)
@@ -134,7 +136,14 @@ def spoilt(**entries) -> np.ndarray:
         (spoilt(at0=0.0), "do not fit together"),
         ({"observation": observations(PUSH)[0]}, "goal-conditioned"),
         ({"state": np.zeros(23)}, "got state"),
-        ({"observation": np.zeros(23), "achieved_goal": np.zeros(2), "desired_goal": np.zeros(3)}, "2 entries, got 3"),
+        (
+            {
+                "observation": np.zeros(23),
+                "achieved_goal": np.zeros(2),
+                "desired_goal": np.zeros(3),
+            },
+            "2 entries, got 3",
+        ),
     ],
 )
 def test_what_cannot_be_an_observation_is_refused(observation, message):

@@ -38,7 +38,8 @@ def test_file_round_trip(plan, tmp_path):
     again = Plan.load(plan.save(tmp_path / "folder" / "plan.npz"))
     for name, value in vars(plan).items():
         np.testing.assert_array_equal(getattr(again, name), value)
-    assert [file.name for file in (tmp_path / "folder").iterdir()] == ["plan.npz"]  # no temporary file is left
+    # no temporary file is left
+    assert [file.name for file in (tmp_path / "folder").iterdir()] == ["plan.npz"]
 
 
 def test_broken_and_foreign_files_are_refused(plan, tmp_path):
@@ -58,12 +59,16 @@ def test_plan_for_another_env_robot_or_joints_is_refused(plan):
     with pytest.raises(PlanError, match="PlanarArmTrack"):
         plan.check_fits("piec_envs/PlanarArmTrack-v0", "planar_arm", plan.path[0])
     with pytest.raises(PlanError, match="joints"):
-        dataclasses.replace(plan, joints=("a", "b", "c", "d")).check_fits(PUSH, "planar_arm", plan.path[0])
+        dataclasses.replace(plan, joints=("a", "b", "c", "d")).check_fits(
+            PUSH, "planar_arm", plan.path[0]
+        )
     with pytest.raises(PlanError, match="arm_9"):
         OpenLoopPolicy(dataclasses.replace(plan, robot="arm_9"))
 
 
-@pytest.mark.parametrize("choice", [{}, {"goal_conditioned": True}, {"disturbance": 0.005}], ids=str)
+@pytest.mark.parametrize(
+    "choice", [{}, {"goal_conditioned": True}, {"disturbance": 0.005}], ids=str
+)
 def test_policy_equals_following_the_path(plan, choice):
     """Open loop in the object, absolute in the joints: the same motion as `rollout(path=...)`."""
     env = gym.make(PUSH, escape_field=None, **choice).unwrapped
@@ -113,7 +118,9 @@ def test_what_is_no_plan_has_no_policy(plan, tmp_path):
 
 def test_a_missing_file_is_called_missing(plan, tmp_path):
     plan.save(tmp_path / "caging.npz")
-    with pytest.raises(PlanError, match=r"there is no file .*cagin\.npz; did you mean .*caging\.npz\?") as caught:
+    with pytest.raises(
+        PlanError, match=r"there is no file .*cagin\.npz; did you mean .*caging\.npz\?"
+    ) as caught:
         Plan.load(tmp_path / "cagin.npz")
     assert "broken" not in str(caught.value)
     with pytest.raises(PlanError, match="no folder"):

@@ -22,7 +22,14 @@ from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory
 
 PUSH = "piec_envs/PlanarArmPush-v0"
-SMALL = {"population": 6, "iterations": 3, "restarts": 2, "survivors": 1, "screening": 1, "robust_iterations": 1}
+SMALL = {
+    "population": 6,
+    "iterations": 3,
+    "restarts": 2,
+    "survivors": 1,
+    "screening": 1,
+    "robust_iterations": 1,
+}
 
 points = hnp.arrays(float, (5, 4), elements=st.floats(-2.5, 2.5))
 
@@ -41,7 +48,9 @@ def test_trajectory_passes_its_points_and_rests_at_both_ends(via):
 def test_trajectory_has_the_least_squared_acceleration():
     """Any bump that keeps the via points and the rest at both ends costs more."""
     trajectory = ViaPointTrajectory(5, 1000)
-    path = np.concatenate([[0.0], trajectory.path(np.zeros(1), np.array([[0.5], [0.2], [1.0], [0.3], [0.4]]))[:, 0]])
+    path = np.concatenate(
+        [[0.0], trajectory.path(np.zeros(1), np.array([[0.5], [0.2], [1.0], [0.3], [0.4]]))[:, 0]]
+    )
     t = np.arange(1001)
     bump = np.sin(np.pi * t / 200) ** 2 * np.sin(np.pi * t / 1000)
     least = (np.diff(path, 2) ** 2).sum()
@@ -63,10 +72,13 @@ def test_crossing_is_zero_for_a_free_arm_and_positive_for_a_knot(model):
 
 def test_disturbed_cost_without_disturbance_is_the_nominal_one_but_for_the_margin(model):
     cost = PathCost(model, model.reset(0))
-    path = np.linspace(0, 1, 1000)[None, :, None] * np.array([-1.5, 0.5, 0.5, 0.5])  # touches nothing
+    # touches nothing
+    path = np.linspace(0, 1, 1000)[None, :, None] * np.array([-1.5, 0.5, 0.5, 0.5])
     end = model.rollout(model.reset(0), path, absolute=True).column("goal_distance")[0, -1]
     margin = model.weights.miss * (end - (GOAL_RADIUS - MISS_MARGIN))
-    np.testing.assert_allclose(cost.disturbed(path, model.reset(0)), cost.nominal(path) + margin, rtol=1e-9)
+    np.testing.assert_allclose(
+        cost.disturbed(path, model.reset(0)), cost.nominal(path) + margin, rtol=1e-9
+    )
 
 
 def test_enclosing_posture_holds_the_object(model):
@@ -87,7 +99,8 @@ def test_small_plan_is_deterministic_and_executable(objective):
     plan, again = (planner.plan(PUSH, seed=3, progress=False) for _ in range(2))
     np.testing.assert_array_equal(plan.path, again.path)
     assert plan.cost == again.cost and plan.path.shape == (1001, 4)
-    assert (np.abs(np.diff(plan.path, axis=0)) <= 0.005 + 0.01).all()  # realised joints: step and released lead
+    # realised joints: step and released lead
+    assert (np.abs(np.diff(plan.path, axis=0)) <= 0.005 + 0.01).all()
     assert plan.nominal["d2g"] == pytest.approx(max(0.0, plan.nominal["goal_distance"] - 0.05))
 
 
@@ -111,8 +124,12 @@ def test_searches_do_not_share_random_numbers():
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_polishing_disturbs_every_objective_alike(objective):
-    """The planner's own noise knows no adversary, or mode 4 would be polished against a steady wind."""
-    kwargs = {"adversary": OBJECTIVES[objective].adversary} if OBJECTIVES[objective].escape_field else {}
+    """The planner's own noise knows no adversary, or mode 4 would be polished against a steady
+    wind.
+    """
+    kwargs = (
+        {"adversary": OBJECTIVES[objective].adversary} if OBJECTIVES[objective].escape_field else {}
+    )
     setup = make_setup(PUSH, escape_field="grid" if kwargs else None, **kwargs)
     samples = disturbed_samples(setup, CmaEsPlanner(objective=objective), seed=2)
     assert all((params.adversary, params.disturbance) == (0.0, 0.005) for params in samples.params)
@@ -120,8 +137,13 @@ def test_polishing_disturbs_every_objective_alike(objective):
 
 
 def test_polishing_draws_what_the_env_draws_and_the_nominal_run_does_not():
-    """Each disturbed run has a plant and a start of its own; the model they stand beside is the task's."""
-    drawn = {"randomize": {"object": ["circle", "square"], "friction": [0.2, 0.8]}, "start_noise": [0.01, 0.1]}
+    """Each disturbed run has a plant and a start of its own; the model they stand beside is the
+    task's.
+    """
+    drawn = {
+        "randomize": {"object": ["circle", "square"], "friction": [0.2, 0.8]},
+        "start_noise": [0.01, 0.1],
+    }
     model, start, setup = nominal_start(PUSH, {"escape_field": None, **drawn}, seed=3)
     np.testing.assert_array_equal(start.pose[0], model.task.start)
     assert start.params == [model.setup.plant]
@@ -129,7 +151,9 @@ def test_polishing_draws_what_the_env_draws_and_the_nominal_run_does_not():
     samples, again, other = (disturbed_samples(setup, planner, seed) for seed in (2, 2, 1))
     assert {params.object for params in samples.params} == {"circle", "square"}
     assert len({params.friction for params in samples.params}) == samples.rows
-    assert all(0.2 <= params.friction <= 0.8 and params.disturbance == 0.005 for params in samples.params)
+    assert all(
+        0.2 <= params.friction <= 0.8 and params.disturbance == 0.005 for params in samples.params
+    )
     away = np.abs(samples.pose - model.task.start)
     assert (away > 0).all() and (away <= [0.01, 0.01, 0.1]).all()
     np.testing.assert_array_equal(samples.pose, again.pose)
@@ -155,9 +179,15 @@ def test_bad_arguments():
     with pytest.raises(UnknownNameError, match="enclose, rest"):
         CmaEsPlanner(start="home")
     for choice in (
-        {"population": 0}, {"population": 2.5}, {"sigma": -1.0}, {"arrive": 0.0}, {"screening": -5},
-        {"robust_samples": 0}, {"robust_points": 6}, {"robust_sigma": np.nan},
-    ):  # fmt: skip
+        {"population": 0},
+        {"population": 2.5},
+        {"sigma": -1.0},
+        {"arrive": 0.0},
+        {"screening": -5},
+        {"robust_samples": 0},
+        {"robust_points": 6},
+        {"robust_sigma": np.nan},
+    ):
         with pytest.raises(InvalidParameterError, match=next(iter(choice))):
             CmaEsPlanner(**choice)
     with pytest.raises(UnknownNameError, match="default, paper"):

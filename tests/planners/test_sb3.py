@@ -27,7 +27,10 @@ PUSH = "piec_envs/PlanarArmPush-v0"
 SHORT = {"escape_field": None, "max_episode_steps": 6, "threads": 1}
 NOISY = {"disturbance": 0.005, "start_noise": (0.01, 0.05)}
 STATIC = {"escape_field": "network"}
-CHOICES = [(env_id, {**SHORT, **NOISY} if env_id in MOTIONS else {**STATIC, "object": "square"}) for env_id in ENVS]
+CHOICES = [
+    (env_id, {**SHORT, **NOISY} if env_id in MOTIONS else {**STATIC, "object": "square"})
+    for env_id in ENVS
+]
 CHOICES += [(PUSH, {**SHORT, **NOISY, "goal_conditioned": mode}) for mode in (True, "dense")]
 CHOICES += [(PUSH, {"escape_field": None, "action_repeat": 250, **NOISY})]
 TINY = {"policy_kwargs": {"net_arch": [8]}, "device": "cpu", "seed": 0}
@@ -69,7 +72,9 @@ def test_it_equals_a_dummy_vec_env_across_the_ends_of_episodes(env_id, choice):
 
 
 def test_vec_monitor_and_vec_normalize_work_on_it():
-    wrapped = [VecNormalize(VecMonitor(make(PUSH, 2, **SHORT, **NOISY))) for make in (NativeVecEnv, dummy)]
+    wrapped = [
+        VecNormalize(VecMonitor(make(PUSH, 2, **SHORT, **NOISY))) for make in (NativeVecEnv, dummy)
+    ]
     for venv in wrapped:
         venv.seed(3)
     assert_same(*[venv.reset() for venv in wrapped])
@@ -81,7 +86,10 @@ def test_vec_monitor_and_vec_normalize_work_on_it():
             assert_same(x, y)
         for one, other in zip(np.array(a[3])[a[2]], np.array(b[3])[b[2]], strict=True):
             assert_same(one["terminal_observation"], other["terminal_observation"])
-            assert one["episode"]["r"] == other["episode"]["r"] and one["episode"]["l"] == other["episode"]["l"]
+            assert (
+                one["episode"]["r"] == other["episode"]["r"]
+                and one["episode"]["l"] == other["episode"]["l"]
+            )
             episodes.append(one["episode"]["l"])
     assert episodes == [6, 6, 6, 6]
     assert_same(*[venv.obs_rms.mean for venv in wrapped])
@@ -89,7 +97,10 @@ def test_vec_monitor_and_vec_normalize_work_on_it():
 
 def test_the_rest_of_the_interface():
     venv = NativeVecEnv(PUSH, 2, **SHORT, render_mode="rgb_array")
-    assert venv.get_attr("render_mode") == ["rgb_array"] * 2 and venv.get_attr("spec", [1])[0].id == PUSH
+    assert (
+        venv.get_attr("render_mode") == ["rgb_array"] * 2
+        and venv.get_attr("spec", [1])[0].id == PUSH
+    )
     assert venv.has_attr("max_episode_steps") and not venv.has_attr("luck")
     assert venv.env_is_wrapped(gym.Wrapper, 0) == [False]
     venv.env_method("set_params", {"friction": 0.25})
@@ -135,11 +146,13 @@ def test_what_it_cannot_do_is_refused():
 def test_stable_baselines3_checks_every_environment(env_id, choice):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # Double precision is meant, so that plans replay to the last bit; float32 actions are taken as well.
+        # Double precision is meant, so that plans replay to the last bit; float32 actions are taken
+        # as well.
         warnings.filterwarnings("ignore", message="Your action space has dtype float64")
         env = gym.make(env_id, **choice).unwrapped
         check_env(env)
-    assert hasattr(env, "compute_reward") == ("goal_conditioned" in choice)  # by which SB3 tells which is which
+    # by which SB3 tells which is which
+    assert hasattr(env, "compute_reward") == ("goal_conditioned" in choice)
 
 
 @pytest.mark.parametrize("mode", [True, "dense"])
@@ -149,14 +162,24 @@ def test_hindsight_replay(mode):
     achieved, desired = rng.normal(size=(2, 9, 2)).astype(np.float32)
     (rewards,) = venv.env_method("compute_reward", achieved, desired, [{}] * 9, indices=[0])
     single = gym.make(PUSH, escape_field=None, goal_conditioned=mode).unwrapped
-    assert rewards.tolist() == [single.compute_reward(a, d) for a, d in zip(achieved, desired, strict=True)]
+    assert rewards.tolist() == [
+        single.compute_reward(a, d) for a, d in zip(achieved, desired, strict=True)
+    ]
     model = SAC(
-        "MultiInputPolicy", venv, replay_buffer_class=HerReplayBuffer, learning_starts=100, batch_size=16, **TINY
+        "MultiInputPolicy",
+        venv,
+        replay_buffer_class=HerReplayBuffer,
+        learning_starts=100,
+        batch_size=16,
+        **TINY,
     )
     model.learn(300)
     assert model.num_timesteps == 300 and model._n_updates > 0
     sample = model.replay_buffer.sample(64)
-    pairs = sample.next_observations["achieved_goal"].numpy(), sample.observations["desired_goal"].numpy()
+    pairs = (
+        sample.next_observations["achieved_goal"].numpy(),
+        sample.observations["desired_goal"].numpy(),
+    )
     (expected,) = venv.env_method("compute_reward", *pairs, None, indices=[0])
     np.testing.assert_allclose(sample.rewards.numpy()[:, 0], expected, rtol=1e-6)
 
@@ -164,5 +187,7 @@ def test_hindsight_replay(mode):
 def test_planners_import_neither_torch_nor_stable_baselines3():
     code = "import sys, planners, planners.sb3, evaluation; "
     code += "print({'torch', 'stable_baselines3', 'sb3_contrib'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert done.stdout.strip() == "set()"

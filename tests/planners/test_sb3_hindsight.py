@@ -24,16 +24,26 @@ OFF = {
 
 
 def test_goal_conditioned_agents_learn_from_hindsight(tmp_path):
-    hyper = {**OFF, "replay_buffer_class": "HerReplayBuffer", "replay_buffer_kwargs": {"n_sampled_goal": 2}}
+    hyper = {
+        **OFF,
+        "replay_buffer_class": "HerReplayBuffer",
+        "replay_buffer_kwargs": {"n_sampled_goal": 2},
+    }
     env = {**ENV, "goal_conditioned": True}
-    agent = train(TrainSpec(PUSH, "sac", 60, 1, 2, env, hyper, evaluations=2, eval_episodes=2), tmp_path, False)
+    agent = train(
+        TrainSpec(PUSH, "sac", 60, 1, 2, env, hyper, evaluations=2, eval_episodes=2),
+        tmp_path,
+        False,
+    )
     assert agent.task_kwargs == {"goal_conditioned": True}
     agent = Agent.load(tmp_path / "agent.zip")
     rows = evaluate(AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None})
     np.testing.assert_allclose(open_loop(agent).plan.path, rows.q_r[0], atol=1e-9)
 
 
-@pytest.mark.parametrize("normalize", [True, "dict(norm_reward=False)", {"norm_obs_keys": ["observation"]}], ids=str)
+@pytest.mark.parametrize(
+    "normalize", [True, "dict(norm_reward=False)", {"norm_obs_keys": ["observation"]}], ids=str
+)
 def test_normalising_leaves_the_goals_of_hindsight_as_they_are(normalize, tmp_path):
     hyper = {**OFF, "replay_buffer_class": "HerReplayBuffer", "normalize": normalize}
     env = {**ENV, "goal_conditioned": True, "object": "circle"}
@@ -51,6 +61,9 @@ def test_normalising_leaves_the_goals_of_hindsight_as_they_are(normalize, tmp_pa
     assert len(np.unique(scaled.observations["desired_goal"].numpy(), axis=0)) > 10
     assert (plain.observations["observation"] != scaled.observations["observation"]).any()
     raw = {name: np.ones((1, *space.shape)) for name, space in normalised.observation_space.items()}
-    seen, expected = trainings.normalise(raw, trainings.statistics_of(normalised)), normalised.normalize_obs(raw)
+    seen, expected = (
+        trainings.normalise(raw, trainings.statistics_of(normalised)),
+        normalised.normalize_obs(raw),
+    )
     for name in raw:
         np.testing.assert_allclose(seen[name], expected[name], rtol=1e-6)

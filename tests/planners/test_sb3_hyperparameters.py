@@ -12,7 +12,12 @@ pytest.importorskip("stable_baselines3")
 from torch import nn
 
 from planners.sb3 import ALGORITHMS, TrainSpec, default_spec
-from planners.sb3.hyperparameters import model_arguments, normalisation_arguments, parse, read_hyperparameters
+from planners.sb3.hyperparameters import (
+    model_arguments,
+    normalisation_arguments,
+    parse,
+    read_hyperparameters,
+)
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 
@@ -26,8 +31,15 @@ def arguments_of(hyper, algo="ppo"):
 def test_every_pair_has_a_file_that_its_algorithm_takes(env_id, algo):
     spec = default_spec(env_id, algo)
     arguments = model_arguments(spec)
-    assert spec.timesteps >= 100_000 and spec.n_envs >= 16 and spec.env_kwargs["start_noise"] == [0.01, 0.05]
-    assert arguments["policy"] == "MlpPolicy" and not {"n_envs", "n_timesteps", "env_kwargs"} & arguments.keys()
+    assert (
+        spec.timesteps >= 100_000
+        and spec.n_envs >= 16
+        and spec.env_kwargs["start_noise"] == [0.01, 0.05]
+    )
+    assert (
+        arguments["policy"] == "MlpPolicy"
+        and not {"n_envs", "n_timesteps", "env_kwargs"} & arguments.keys()
+    )
     if algo == "ppo":
         assert spec.n_envs * arguments["n_steps"] % arguments["batch_size"] == 0
 
@@ -52,7 +64,9 @@ def test_what_is_given_goes_before_the_file():
 
 
 def test_unknown_pairs_are_refused_with_what_is_there():
-    with pytest.raises(UnknownNameError, match=r"'ppo on piec_envs/PlanarArmCage-v0'; known: .*tqc on piec_envs/"):
+    with pytest.raises(
+        UnknownNameError, match=r"'ppo on piec_envs/PlanarArmCage-v0'; known: .*tqc on piec_envs/"
+    ):
         read_hyperparameters("piec_envs/PlanarArmCage-v0", "ppo")
     with pytest.raises(UnknownNameError, match="Did you mean 'sac on piec_envs/PlanarArmPush-v0'"):
         default_spec(PUSH, "sacc")
@@ -67,17 +81,26 @@ def test_values_become_what_the_algorithm_takes():
     assert arguments["learning_rate"](0.5) == 1.5e-4 and arguments["clip_range"] == 0.2
     assert "normalize" not in arguments and arguments["device"] == "cpu"
     assert arguments_of({"train_freq": [1, "step"]}, "sac")["train_freq"] == (1, "step")
-    text = "dict(net_arch=dict(pi=[64, 32], vf=[8]), activation_fn=nn.ELU, log_std_init=-1.5, ortho_init=False)"
+    text = (
+        "dict(net_arch=dict(pi=[64, 32], vf=[8]), activation_fn=nn.ELU, log_std_init=-1.5, "
+        "ortho_init=False)"
+    )
     assert parse("policy_kwargs", text) == {
-        "net_arch": {"pi": [64, 32], "vf": [8]}, "activation_fn": nn.ELU, "log_std_init": -1.5, "ortho_init": False,
-    }  # fmt: skip
+        "net_arch": {"pi": [64, 32], "vf": [8]},
+        "activation_fn": nn.ELU,
+        "log_std_init": -1.5,
+        "ortho_init": False,
+    }
     assert parse("policy_kwargs", "{'net_arch': [4]}") == {"net_arch": [4]}
     assert normalisation_arguments(TrainSpec(PUSH, "sac", 1)) is None
-    assert normalisation_arguments(TrainSpec(PUSH, "sac", 1, hyper={"normalize": True})) == {"gamma": 0.99}
+    assert normalisation_arguments(TrainSpec(PUSH, "sac", 1, hyper={"normalize": True})) == {
+        "gamma": 0.99
+    }
 
 
 @pytest.mark.parametrize(
-    "text", ["print(1)", "dict(**{})", "dict([1])", "nn.Parameter", "nn.Nothing", "torch.nn.ELU", "(", "a"]
+    "text",
+    ["print(1)", "dict(**{})", "dict([1])", "nn.Parameter", "nn.Nothing", "torch.nn.ELU", "(", "a"],
 )
 def test_text_is_not_run_as_code(text):
     with pytest.raises(InvalidParameterError, match="policy_kwargs may hold literals"):

@@ -13,7 +13,15 @@ pytest.importorskip("stable_baselines3")
 from planners.sb3 import TrainSpec, train
 
 ENV = {"escape_field": None, "action_repeat": 100, "threads": 1}
-SPEC = TrainSpec("piec_envs/PlanarArmPush-v0", "ppo", 200, n_envs=2, env_kwargs=ENV, evaluations=5, eval_episodes=2)
+SPEC = TrainSpec(
+    "piec_envs/PlanarArmPush-v0",
+    "ppo",
+    200,
+    n_envs=2,
+    env_kwargs=ENV,
+    evaluations=5,
+    eval_episodes=2,
+)
 
 
 @pytest.mark.parametrize(
@@ -24,17 +32,32 @@ SPEC = TrainSpec("piec_envs/PlanarArmPush-v0", "ppo", 200, n_envs=2, env_kwargs=
         ({"timesteps": 0}, InvalidParameterError, "timesteps"),
         ({"seed": -1}, InvalidParameterError, "seed"),
         ({"seed": 2**31 - 1}, InvalidParameterError, "seed"),
-        ({"hyper": {"batch_size": "many"}}, InvalidParameterError, "Stable-Baselines3 refuses the hyper-parameters"),
+        (
+            {"hyper": {"batch_size": "many"}},
+            InvalidParameterError,
+            "Stable-Baselines3 refuses the hyper-parameters",
+        ),
         ({"hyper": {"normalize": {"luck": 1}}}, InvalidParameterError, "refuses normalize: .*luck"),
         ({"env_kwargs": {"object": object}}, InvalidParameterError, "JSON"),
         ({"env_kwargs": {"luck": 1}}, UnknownNameError, "luck"),
         ({"hyper": {"n_stepps": 3}}, UnknownNameError, "Did you mean 'n_steps'"),
         ({"hyper": {"learning_rate": "fast"}}, InvalidParameterError, "lin_3e-4"),
-        ({"hyper": {"policy_kwargs": "dict(net_arch=__import__('os'))"}}, InvalidParameterError, "literals"),
-        ({"hyper": {"policy_kwargs": "dict(activation_fn=nn.functional)"}}, InvalidParameterError, "literals"),
+        (
+            {"hyper": {"policy_kwargs": "dict(net_arch=__import__('os'))"}},
+            InvalidParameterError,
+            "literals",
+        ),
+        (
+            {"hyper": {"policy_kwargs": "dict(activation_fn=nn.functional)"}},
+            InvalidParameterError,
+            "literals",
+        ),
         ({"hyper": {"normalize": 3}}, InvalidParameterError, "normalize"),
         (
-            {"hyper": {"normalize": {"norm_obs_keys": ["desired_goal"]}}, "env_kwargs": {"goal_conditioned": True}},
+            {
+                "hyper": {"normalize": {"norm_obs_keys": ["desired_goal"]}},
+                "env_kwargs": {"goal_conditioned": True},
+            },
             InvalidParameterError,
             "norm_obs_keys may be .'observation'. alone",
         ),

@@ -32,9 +32,15 @@ PPO = {**NETWORK, "n_steps": 10, "batch_size": 20, "n_epochs": 1, "learning_rate
 PPO["normalize"] = "dict(norm_obs=True, norm_reward=True)"
 OFF = {**NETWORK, "learning_starts": 20, "batch_size": 8, "buffer_size": 400}
 SPECS = {
-    "ppo": TrainSpec(PUSH, "ppo", 200, n_envs=2, env_kwargs=ENV, hyper=PPO, evaluations=5, eval_episodes=2),
-    "sac": TrainSpec(PUSH, "sac", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2),
-    "tqc": TrainSpec(PUSH, "tqc", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2),
+    "ppo": TrainSpec(
+        PUSH, "ppo", 200, n_envs=2, env_kwargs=ENV, hyper=PPO, evaluations=5, eval_episodes=2
+    ),
+    "sac": TrainSpec(
+        PUSH, "sac", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2
+    ),
+    "tqc": TrainSpec(
+        PUSH, "tqc", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2
+    ),
 }
 KILLED = """
 import sys, json
@@ -47,7 +53,10 @@ train(TrainSpec(**json.loads(sys.argv[1])), sys.argv[2], progress=False)
 def trained(tmp_path_factory):
     """One tiny agent for each algorithm, with its folder."""
     folders = {name: tmp_path_factory.mktemp(name) for name in SPECS}
-    return {name: (train(SPECS[name], folder, progress=False), folder) for name, folder in folders.items()}
+    return {
+        name: (train(SPECS[name], folder, progress=False), folder)
+        for name, folder in folders.items()
+    }
 
 
 @pytest.fixture
@@ -76,17 +85,28 @@ def history(folder):
 def test_a_training_leaves_agents_a_curve_and_logs(algo, trained):
     agent, folder = trained[algo]
     names = {path.name for path in folder.iterdir()}
-    files = {"agent.zip", "agent.json", "best_model.zip", "best_model.json", "evaluations.jsonl", "spec.json"}
+    files = {
+        "agent.zip",
+        "agent.json",
+        "best_model.zip",
+        "best_model.json",
+        "evaluations.jsonl",
+        "spec.json",
+    }
     assert names == files | {"tensorboard"}
     assert list((folder / "tensorboard").glob("events.out.tfevents*"))
     curve = history(folder)
-    assert [record["steps"] for record in curve] == {"ppo": [40, 80, 120, 160, 200]}.get(algo, [26, 50, 76, 100])
+    assert [record["steps"] for record in curve] == {"ppo": [40, 80, 120, 160, 200]}.get(
+        algo, [26, 50, 76, 100]
+    )
     assert {"success_rate", "return", "d2g", "seconds"} <= curve[-1].keys()
     assert agent.steps == agent.model.num_timesteps == SPECS[algo].timesteps and agent.seconds > 0
     again = Agent.load(folder / "agent.zip")
     assert again.spec == agent.spec == SPECS[algo] and "stable-baselines3" in again.versions
     best = Agent.load(folder / "best_model.zip").evaluation
-    assert (best["success_rate"], best["return"]) == max((r["success_rate"], r["return"]) for r in curve)
+    assert (best["success_rate"], best["return"]) == max(
+        (r["success_rate"], r["return"]) for r in curve
+    )
     before = (folder / "agent.zip").stat().st_mtime_ns
     train(SPECS[algo], folder, progress=False)  # has ended
     assert (folder / "agent.zip").stat().st_mtime_ns == before
@@ -94,10 +114,14 @@ def test_a_training_leaves_agents_a_curve_and_logs(algo, trained):
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 def test_the_policy_holds_its_action_and_sees_what_it_saw_in_training(algo, trained):
-    """Step by step in an environment without repeats, an agent does what it did in one with them."""
+    """Step by step in an environment without repeats, an agent does what it did in one with
+    them.
+    """
     agent, folder = trained[algo]
     agent = Agent.load(folder / "agent.zip")
-    rows = evaluate(AgentPolicy(agent), PUSH, "nominal-start", 2, seed=5, env_kwargs={"escape_field": None})
+    rows = evaluate(
+        AgentPolicy(agent), PUSH, "nominal-start", 2, seed=5, env_kwargs={"escape_field": None}
+    )
     venv = NativeVecEnv(PUSH, 2, **ENV)
     venv.seed(5)
     observation = venv.reset()
@@ -115,7 +139,9 @@ def test_the_policy_decides_for_each_row_by_its_own_clock(trained):
     observation = rng.uniform(-1, 1, (3, 23))
     observation[:, -1] = [0.1, 0.101, 0.101]
     held = rng.uniform(-1, 1, (3, 4))
-    action, state = policy.predict(observation, state=held, episode_start=np.array([False, False, True]))
+    action, state = policy.predict(
+        observation, state=held, episode_start=np.array([False, False, True])
+    )
     alone = policy.predict(observation)[0]
     np.testing.assert_allclose(action, [alone[0], held[1], alone[2]], atol=1e-6)
     assert state is action
@@ -125,7 +151,13 @@ def test_the_policy_decides_for_each_row_by_its_own_clock(trained):
     with pytest.raises(InvalidObservationError, match="23 entries, got 25"):
         policy.predict(np.zeros((2, 25)))
     wide = np.concatenate([observation, observation[:, -1:]], axis=1)  # as TimeAwareObservation's
-    for broken in (wide, observation * np.nan, observation.astype(int), "observation", {"observation": observation}):
+    for broken in (
+        wide,
+        observation * np.nan,
+        observation.astype(int),
+        "observation",
+        {"observation": observation},
+    ):
         with pytest.raises(InvalidObservationError):
             policy.predict(broken)
     with pytest.raises(AgentError, match=r"Agent\.load"):
@@ -136,11 +168,15 @@ def test_open_loop_is_a_plan_like_any_other(trained, tmp_path):
     agent, _ = trained["sac"]
     policy = open_loop(agent)
     plan = Plan.load(policy.plan.save(tmp_path / "sac.npz"))
-    assert plan.env_kwargs == {"escape_field": None} and (plan.objective, plan.horizon) == ("sac", 1000)
+    assert plan.env_kwargs == {"escape_field": None} and (plan.objective, plan.horizon) == (
+        "sac",
+        1000,
+    )
     closed = evaluate(AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None})
     np.testing.assert_allclose(plan.path, closed.q_r[0], atol=1e-9)
     rows = evaluate(policy, PUSH, "disturbance-5mm-start", 2, env_kwargs={"escape_field": None})
-    assert np.abs(rows.q_r[:, -1] - plan.path[-1]).max() < 0.01  # blind to the object, which differs
+    # blind to the object, which differs
+    assert np.abs(rows.q_r[:, -1] - plan.path[-1]).max() < 0.01
     assert not np.array_equal(rows.pose[0], rows.pose[1])
 
 
@@ -162,19 +198,29 @@ def test_an_interrupted_training_goes_on(algo, interrupt, monkeypatch, tmp_path)
         assert run.model.replay_buffer.pos == 25
     (tmp_path / ".checkpoint-000000000099.1.tmp").mkdir()  # what a kill leaves
     agent = train(spec, tmp_path, progress=False)
-    assert agent.steps == spec.timesteps and history(tmp_path)[: len(state["history"])] == state["history"]
+    assert (
+        agent.steps == spec.timesteps
+        and history(tmp_path)[: len(state["history"])] == state["history"]
+    )
     steps = [record["steps"] for record in history(tmp_path)]
     assert steps == sorted(set(steps)) and not list(tmp_path.glob("*checkpoint*"))
     if algo == "ppo":  # the schedule went by the whole training
-        assert agent.model._total_timesteps == 200 and agent.model.policy.optimizer.param_groups[0]["lr"] == 0.0
+        assert (
+            agent.model._total_timesteps == 200
+            and agent.model.policy.optimizer.param_groups[0]["lr"] == 0.0
+        )
 
 
 def test_a_training_leaves_its_spec_as_it_was(tmp_path):
     """SB3 writes into nested arguments, and with another spec no training would go on."""
     hyper = {**OFF, "policy_kwargs": {"net_arch": [8]}}
-    spec = TrainSpec(PUSH, "sac", 10, n_envs=2, env_kwargs=ENV, hyper=hyper, evaluations=1, eval_episodes=1)
+    spec = TrainSpec(
+        PUSH, "sac", 10, n_envs=2, env_kwargs=ENV, hyper=hyper, evaluations=1, eval_episodes=1
+    )
     train(spec, tmp_path, progress=False)
-    assert spec.hyper == hyper and json.loads((tmp_path / "spec.json").read_text())["hyper"] == hyper
+    assert (
+        spec.hyper == hyper and json.loads((tmp_path / "spec.json").read_text())["hyper"] == hyper
+    )
 
 
 def test_a_killed_process_goes_on(tmp_path):
@@ -226,7 +272,10 @@ def test_checkpoints_that_do_not_belong_are_refused(interrupt, tmp_path):
 
     expect(f"trained on '{TRACK}', not on '{PUSH}'", env_id=TRACK)
     narrow = {"": {"low": [-1.0] * 25, "high": [1.0] * 25}}
-    expect("of 25 entries from -1 to 1, .*of 23 entries from -20", spaces={**state["spaces"], "observation": narrow})
+    expect(
+        "of 25 entries from -1 to 1, .*of 23 entries from -20",
+        spaces={**state["spaces"], "observation": narrow},
+    )
     expect("has actions of 25 entries", spaces={**state["spaces"], "action": narrow})
     expect("seed: 1 there, 0 here", spec={**state["spec"], "seed": 1})
     expect("format", format="tar")
@@ -258,9 +307,13 @@ def test_agents_that_are_broken_or_foreign_are_refused(trained, tmp_path):
     with pytest.raises(AgentError, match=f"{PUSH}', not on '{TRACK}"):
         evaluate(AgentPolicy(agent), TRACK, env_kwargs={"escape_field": None})
     with pytest.raises(AgentError, match="goal_conditioned"):
-        evaluate(AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None, "goal_conditioned": True})
+        evaluate(
+            AgentPolicy(agent), PUSH, env_kwargs={"escape_field": None, "goal_conditioned": True}
+        )
     one = gym.make(PUSH, escape_field=None)
-    with pytest.raises(AgentError, match=r"has actions of 4 entries .*, but the environment of 5 entries"):
+    with pytest.raises(
+        AgentError, match=r"has actions of 4 entries .*, but the environment of 5 entries"
+    ):
         agent.check_fits(PUSH, one.observation_space, gym.spaces.Box(-1, 1, (5,)))
 
 

@@ -1,4 +1,6 @@
-"""What OSQP says of a step is looked at: its x of a problem without solution is a large finite number."""
+"""What OSQP says of a step is looked at: its x of a problem without solution is a large finite
+number.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from planners.sqp import Linearised
 @pytest.mark.parametrize("slope", [0.0, 1e-9])
 def test_a_step_without_solution_is_no_step(slope):
     """A metre of overlap that no motion within the trust can undo, not even an eighth of it."""
-    problem = CagingProblem("planar_arm", "circle", np.array([0.35, 0.1, 0.0]), make_field("grid", resolution=32))
+    problem = CagingProblem(
+        "planar_arm", "circle", np.array([0.35, 0.1, 0.0]), make_field("grid", resolution=32)
+    )
     q, sqp = np.array([0.3, 1.0, 0.5, 0.5]), SqpConfiguration()
     judged = problem.measure(q[None])
     stuck = Linearised(q, np.full(4, -0.5), np.array([-1.0, 0.1]), np.full((2, 4), slope), judged)

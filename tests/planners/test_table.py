@@ -12,21 +12,34 @@ from planners import PLANNERS, Plan
 from planners.table import planner_class
 
 PUSH, MOBILE = "piec_envs/PlanarArmPush-v0", "piec_envs/MobileFrankaPush-v0"
-# For each planner small settings, an environment for it, keyword arguments, and one that does not fit, if any.
+# For each planner small settings, an environment for it, keyword arguments, and one that does not
+# fit, if any.
 SMALL = {
     "cma-es": (
-        {"population": 6, "iterations": 3, "restarts": 2, "screening": 1, "survivors": 1, "robust_iterations": 1,
-         "robust_samples": 2, "start": "rest"},
-        PUSH, {"escape_field": {"name": "grid", "resolution": 16}, "escape_every": 200}, None,
+        {
+            "population": 6,
+            "iterations": 3,
+            "restarts": 2,
+            "screening": 1,
+            "survivors": 1,
+            "robust_iterations": 1,
+            "robust_samples": 2,
+            "start": "rest",
+        },
+        PUSH,
+        {"escape_field": {"name": "grid", "resolution": 16}, "escape_every": 200},
+        None,
     ),
     "carry": ({}, MOBILE, {"geometry": "capsules"}, PUSH),
-}  # fmt: skip
+}
 BUDGET = {"cma-es": "iterations"}  # settings of which more means a longer search
 
 
 def planned(name, changes=None, **kwargs):
     settings, env_id, own, _ = SMALL[name]
-    return planner_class(name)(**{**settings, **(changes or {})}).plan(env_id, 0, False, **{**own, **kwargs})
+    return planner_class(name)(**{**settings, **(changes or {})}).plan(
+        env_id, 0, False, **{**own, **kwargs}
+    )
 
 
 @pytest.fixture(scope="module", params=PLANNERS)
@@ -70,8 +83,10 @@ def test_what_it_cannot_plan_for_is_refused(name):
 def test_a_search_is_better_than_its_first_guess_and_not_worse_with_twice_the_budget(name):
     """Without noise and restarts a longer search continues a shorter one, whose best it keeps."""
     alone = {"restarts": 1, "robust_iterations": 0}
-    first, short, long = (planned(name, {**alone, BUDGET[name]: count, "sigma": sigma}).cost
-                          for count, sigma in ((1, 1e-9), (4, 0.2), (8, 0.2)))  # fmt: skip
+    first, short, long = (
+        planned(name, {**alone, BUDGET[name]: count, "sigma": sigma}).cost
+        for count, sigma in ((1, 1e-9), (4, 0.2), (8, 0.2))
+    )
     assert short < first and long <= short * (1 + 1e-9)
 
 

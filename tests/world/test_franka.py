@@ -1,4 +1,6 @@
-"""The Panda as a planar robot: kinematics, cross-sections of its meshes, and what happens without them."""
+"""The Panda as a planar robot: kinematics, cross-sections of its meshes, and what happens without
+them.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ rng = np.random.default_rng(0)
 def outside(corners, points):
     """Largest distance of a point beyond an edge of a convex outline, m; negative inside."""
     edges = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1, keepdims=True)
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(
+        edges, axis=1, keepdims=True
+    )
     return ((points[:, None] - corners) * normals).sum(-1).max()
 
 
@@ -41,17 +45,23 @@ def edge_distance(corners, point):
 
 def test_known_poses_of_the_maker():
     flange = panda.body_frames(np.zeros(7))[panda.BODIES.index("hand")]
-    np.testing.assert_allclose(flange[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107], atol=1e-12)
+    np.testing.assert_allclose(
+        flange[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107], atol=1e-12
+    )
     assert flange[2, 2] == pytest.approx(-1.0)  # the hand points down
     ready = panda.body_frames(np.array([0, -np.pi / 4, 0, -3 * np.pi / 4, 0, np.pi / 2, np.pi / 4]))
-    np.testing.assert_allclose(ready[panda.BODIES.index("hand"), :3, 3], [0.3069, 0.0, 0.5902], atol=1e-3)
+    np.testing.assert_allclose(
+        ready[panda.BODIES.index("hand"), :3, 3], [0.3069, 0.0, 0.5902], atol=1e-3
+    )
 
 
 def test_frames_are_rigid_and_batched():
     q = rng.uniform(panda.LOWER, panda.UPPER, (5, 7))
     frames = panda.body_frames(q)
     turn = frames[..., :3, :3]
-    np.testing.assert_allclose(turn @ np.swapaxes(turn, -1, -2), np.broadcast_to(np.eye(3), turn.shape), atol=1e-12)
+    np.testing.assert_allclose(
+        turn @ np.swapaxes(turn, -1, -2), np.broadcast_to(np.eye(3), turn.shape), atol=1e-12
+    )
     np.testing.assert_array_equal(frames[3], panda.body_frames(q[3]))
 
 
@@ -88,9 +98,12 @@ def test_sections_contain_the_meshes_and_exceed_them_by_a_millimetre(link):
     found = next(item for item in get_robot("franka").links if item.name == link)
     space, pose = panda.body_frames(POSTURE), np.linalg.inv(planar_frames()[frame])
     points = np.concatenate(
-        [panda.mesh_vertices(body) @ (pose @ space[panda.BODIES.index(body)])[:3, :3].T
-         + (pose @ space[panda.BODIES.index(body)])[:3, 3] for body in bodies]
-    )  # fmt: skip
+        [
+            panda.mesh_vertices(body) @ (pose @ space[panda.BODIES.index(body)])[:3, :3].T
+            + (pose @ space[panda.BODIES.index(body)])[:3, 3]
+            for body in bodies
+        ]
+    )
     level = points[np.abs(points[:, 2]) <= REACH_UP]
     (shape,) = found.shapes
     assert found.frame == frame and shape.radius == 0
@@ -100,7 +113,10 @@ def test_sections_contain_the_meshes_and_exceed_them_by_a_millimetre(link):
     # The part in the range, by the corners in it and by points along all lines between two corners.
     t = np.linspace(0, 1, 1001)[:, None, None]
     hull = ConvexHull(points)
-    a, b = (points[np.concatenate([hull.simplices[:, i] for i in order])] for order in ((0, 1, 2), (1, 2, 0)))
+    a, b = (
+        points[np.concatenate([hull.simplices[:, i] for i in order])]
+        for order in ((0, 1, 2), (1, 2, 0))
+    )
     dense = (a + t * (b - a)).reshape(-1, 3)
     dense = np.concatenate([dense[np.abs(dense[:, 2]) <= REACH_UP], level])[:, :2]
     assert outside(shape.vertices, dense) <= 0
@@ -116,14 +132,21 @@ def test_sections_contain_the_meshes_and_exceed_them_by_a_millimetre(link):
     aspect=st.sampled_from([1, 10, 50]),
 )
 def test_section_of_any_body(seed, low, span, aspect):
-    body = np.random.default_rng(seed).normal(size=(40, 3)) * [0.1, 0.1 / aspect, 0.1] + [0, 0, low + span / 2]
+    body = np.random.default_rng(seed).normal(size=(40, 3)) * [0.1, 0.1 / aspect, 0.1] + [
+        0,
+        0,
+        low + span / 2,
+    ]
     corners = cross_section(body, low, low + span, tolerance=0.002)
     share = np.random.default_rng(seed + 1).dirichlet(np.full(40, 0.05), 3000) @ body
     level = share[(share[:, 2] >= low) & (share[:, 2] <= low + span)]
     assert outside(corners, level[:, :2]) <= 1e-6
     fine = cross_section(body, low, low + span, tolerance=1e-4)
     assert len(corners) <= len(fine)
-    assert all(outside(fine, corner[None]) <= 0 or edge_distance(fine, corner) <= 0.002 for corner in corners)
+    assert all(
+        outside(fine, corner[None]) <= 0 or edge_distance(fine, corner) <= 0.002
+        for corner in corners
+    )
 
 
 @pytest.mark.parametrize("low", [2.0, np.nan])
@@ -174,7 +197,10 @@ gym.make("piec_envs/PlanarArmPush-v0").reset(seed=0)
 from evaluation.cli import main
 main(["list"])
 """
-MESHES = "import sys, piec_envs.world.robots as r; r.get_robot('franka'); print('gymnasium_robotics' in sys.modules)"
+MESHES = (
+    "import sys, piec_envs.world.robots as r; r.get_robot('franka'); "
+    "print('gymnasium_robotics' in sys.modules)"
+)
 
 
 def test_without_the_extra_all_else_works_and_the_error_names_it():

@@ -1,4 +1,6 @@
-"""The rows of the table of Pandas: which parts they have, which of them touch, and what the base carries."""
+"""The rows of the table of Pandas: which parts they have, which of them touch, and what the base
+carries.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +14,24 @@ from piec_envs.geometry.body import scene_distances
 from piec_envs.geometry.kinematics import link_frames
 from piec_envs.world.packed import pack_robot, pack_scene
 from piec_envs.world.robots import get_robot
-from piec_envs.world.robots.franka import FRANKA_BASES, FRANKA_CONTACTS, FRANKA_GEOMETRIES, FRANKAS, LINKS, franka_name
+from piec_envs.world.robots.franka import (
+    FRANKA_BASES,
+    FRANKA_CONTACTS,
+    FRANKA_GEOMETRIES,
+    FRANKAS,
+    LINKS,
+    franka_name,
+)
 
 PAIRS = [(base, geometry) for base in FRANKA_BASES for geometry in FRANKA_GEOMETRIES]
 
 
 def parts(robot):
     """Frame and corners of every part of a robot, by name."""
-    return {link.name: (link.frame, [s.vertices.tolist() for s in link.shapes]) for link in robot.links + robot.scenery}
+    return {
+        link.name: (link.frame, [s.vertices.tolist() for s in link.shapes])
+        for link in robot.links + robot.scenery
+    }
 
 
 def distances(robot_name, object_name, q, pose):
@@ -52,7 +64,9 @@ def test_links_and_scenery_together_are_all_parts(base, geometry):
         assert {link.name for link in robot.links} == (
             {"point"} if contact == "point" else {*FRANKA_CONTACTS["link"]} & touching
         )
-        assert {name: part for name, part in parts(robot).items() if name != "point"} == parts(whole)
+        assert {name: part for name, part in parts(robot).items() if name != "point"} == parts(
+            whole
+        )
 
 
 @pytest.mark.parametrize("name", FRANKAS)
@@ -61,32 +75,47 @@ def test_every_part_but_the_foot_turns_and_all_move_with_the_base(name):
     base = robot.base_dof
     assert base == (2 if name.startswith("mobile") else 0) and robot.dof == 3 + base
     fixed = get_robot(name.removeprefix("mobile_"))
-    assert parts(robot) == {part: (frame + base, corners) for part, (frame, corners) in parts(fixed).items()}
+    assert parts(robot) == {
+        part: (frame + base, corners) for part, (frame, corners) in parts(fixed).items()
+    }
     for part, (frame, _) in parts(robot).items():
         assert frame == base if part == "link 0" else frame > base
     if base:
         moved, frames = np.array([0.3, -0.2]), np.empty((2, robot.dof + 1, 4))
         for k, place in enumerate((np.zeros(2), moved)):
             link_frames(pack_robot(name), np.append(place, [0.4, -1.0, 2.0]), frames[k])
-        np.testing.assert_allclose(frames[1, 2:, :2] - frames[0, 2:, :2], np.tile(moved, (4, 1)), atol=1e-12)
+        np.testing.assert_allclose(
+            frames[1, 2:, :2] - frames[0, 2:, :2], np.tile(moved, (4, 1)), atol=1e-12
+        )
         np.testing.assert_array_equal(frames[1, 2:, 2:], frames[0, 2:, 2:])
 
 
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @pytest.mark.parametrize(("base", "joint", "steps"), [("fixed", 0, 60), ("mobile", 1, 25)])
 def test_parts_that_touch_nothing_pass_through_the_object(base, joint, steps, dynamics):
-    """The upper arm sweeps over a circle: with `link` and `point` it goes through, with the whole arm it pushes."""
+    """The upper arm sweeps over a circle: with `link` and `point` it goes through, with the whole
+    arm it pushes.
+    """
     env_id = f"piec_envs/{'Mobile' if base == 'mobile' else ''}FrankaPush-v0"
     whole = get_robot(franka_name(base, "whole_arm", "capsules"))
     beside = next(
-        y for y in np.arange(0.05, 0.3, 1e-3) if distances(whole.name, "circle", whole.home, (0.2, y, 0)).min() > 0
+        y
+        for y in np.arange(0.05, 0.3, 1e-3)
+        if distances(whole.name, "circle", whole.home, (0.2, y, 0)).min() > 0
     )
     moved = {}
     for contact in FRANKA_CONTACTS:
-        options = {"contact": contact, "geometry": "capsules", "object": "circle", "dynamics": dynamics}
+        options = {
+            "contact": contact,
+            "geometry": "capsules",
+            "object": "circle",
+            "dynamics": dynamics,
+        }
         env = gym.make(env_id, escape_field=None, **options).unwrapped
         env.reset(seed=0, options={"state": {"q_r": whole.home, "pose": [0.2, beside, 0.0]}})
-        motion = env.rollout(env.get_state(), controls=np.tile(np.eye(whole.dof)[joint], (1, steps, 1))).motion
+        motion = env.rollout(
+            env.get_state(), controls=np.tile(np.eye(whole.dof)[joint], (1, steps, 1))
+        ).motion
         assert motion.q_r[0, -1, joint] == pytest.approx(0.005 * steps, rel=0.05)
         moved[contact] = np.hypot(*(motion.pose[0, -1, :2] - motion.pose[0, 0, :2]))
         overlap = -distances(whole.name, "circle", motion.q_r[0, -1], motion.pose[0, -1]).min()

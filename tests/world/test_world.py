@@ -31,10 +31,14 @@ def test_bad_shapes_are_refused(vertices, radius):
         RoundedPolygon(np.array(vertices, dtype=float), radius)
 
 
-@pytest.mark.parametrize("shape", [disc(0.1), capsule((0, 0), (0.3, 0), 0.05), box(0.3, 0.2), regular_polygon(6, 0.1)])
+@pytest.mark.parametrize(
+    "shape", [disc(0.1), capsule((0, 0), (0.3, 0), 0.05), box(0.3, 0.2), regular_polygon(6, 0.1)]
+)
 def test_outline_lies_at_the_radius_and_turns_counter_clockwise(shape):
     outline = shape.outline()
-    gaps = [np.abs(np.linalg.norm(outline - v, axis=1) - shape.radius).min() for v in shape.vertices]
+    gaps = [
+        np.abs(np.linalg.norm(outline - v, axis=1) - shape.radius).min() for v in shape.vertices
+    ]
     assert max(gaps) < 1e-12
     x, y = outline.T
     assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0
@@ -51,7 +55,8 @@ def test_gyration_is_that_of_even_solids():
     box_gyration, disc_gyration = np.hypot(0.3, 0.2) / np.sqrt(12), 0.119 / np.sqrt(2)
     assert get_object("box").gyration == pytest.approx(box_gyration, rel=1e-9)
     assert get_object("circle_119").gyration == pytest.approx(disc_gyration, rel=1e-4)
-    rolls = np.array([shape.vertices[0] for shape in get_object("paper_pack").shapes])  # discs of radius 0.05
+    # discs of radius 0.05
+    rolls = np.array([shape.vertices[0] for shape in get_object("paper_pack").shapes])
     assert get_object("paper_pack").gyration == pytest.approx(
         np.sqrt(0.05**2 / 2 + (rolls**2).sum(axis=1).mean()), rel=1e-4
     )
@@ -88,7 +93,9 @@ def test_each_loose_roll_stands_a_millimetre_beside_the_box():
     gaps = np.linalg.norm(np.maximum(np.abs(centres) - (0.155, 0.11), 0.0), axis=1) - 0.05
     np.testing.assert_allclose(gaps, 1e-3, atol=1e-12)
     assert len({tuple(centre) for centre in centres}) == 4
-    assert {(roll.mass, roll.height, roll.shapes[0].radius) for (roll,) in rolls} == {(0.1, 0.22, 0.05)}
+    assert {(roll.mass, roll.height, roll.shapes[0].radius) for (roll,) in rolls} == {
+        (0.1, 0.22, 0.05)
+    }
     assert not any(get_object(name).loose for name in PACKS[:3])
 
 
@@ -102,7 +109,9 @@ def test_every_object_packs(name):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_home_is_within_the_limits(name):
     robot = get_robot(name)
-    assert (robot.home >= robot.joint_array("lower")).all() and (robot.home <= robot.joint_array("upper")).all()
+    assert (robot.home >= robot.joint_array("lower")).all() and (
+        robot.home <= robot.joint_array("upper")
+    ).all()
     assert robot.home.shape == robot.speed_limit.shape == (robot.dof,)
 
 

@@ -28,7 +28,8 @@ def train_field(
         recipe: a row of the table of recipes, or a recipe.
         robot_name: a row of the table of robots.
         seed: of all randomness.
-        file: where to write the weights, with a checkpoint beside it until the end; None writes nothing.
+        file: where to write the weights, with a checkpoint beside it until the end; None writes
+            nothing.
         device: torch device.
         threads: for labels and look-aheads; None takes all cores.
         progress: whether to show a bar with the loss and the held-out error.

@@ -1,4 +1,6 @@
-"""The file from which a training goes on as if it had never stopped: arrays only, nothing to unpickle."""
+"""The file from which a training goes on as if it had never stopped: arrays only, nothing to
+unpickle.
+"""
 
 from __future__ import annotations
 
@@ -73,15 +75,20 @@ def read_checkpoint(path: Path, training: Resumable) -> None:
             arrays = {name: np.array(data[name]) for name in data.files if "/" in name}
         if meta["identity"] != training.identity:
             raise WeightsError(
-                f"{path} belongs to another training ({meta['identity']}, not {training.identity}); "
+                f"{path} belongs to another training ({meta['identity']}, not "
+                f"{training.identity}); "
                 "move it away to start anew"
             )
         _restore(training, arrays)
-        training.iteration, training.seconds, training.history = meta["iteration"], meta["seconds"], meta["history"]
+        training.iteration = meta["iteration"]
+        training.seconds = meta["seconds"]
+        training.history = meta["history"]
     except WeightsError:
         raise
     except BROKEN_FILE as error:
-        raise WeightsError(f"{path} is no checkpoint, or is broken: {error}; move it away to start anew") from error
+        raise WeightsError(
+            f"{path} is no checkpoint, or is broken: {error}; move it away to start anew"
+        ) from error
 
 
 def _restore(training: Resumable, arrays: dict[str, np.ndarray]) -> None:
@@ -90,7 +97,9 @@ def _restore(training: Resumable, arrays: dict[str, np.ndarray]) -> None:
         kind, _, rest = name.partition("/")
         group[kind][rest] = array
     training.round_start = group["round"]
-    training.module.load_state_dict({name: torch.from_numpy(array) for name, array in group["module"].items()})
+    training.module.load_state_dict(
+        {name: torch.from_numpy(array) for name, array in group["module"].items()}
+    )
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, array in group["adam"].items():
         number, _, key = name.partition("/")

@@ -22,7 +22,9 @@ class ExtendedLoss(ResidualLoss):
     recipe: Extended
 
     def _speed(self, distance: np.ndarray, iteration: int) -> np.ndarray:
-        """Speeds at distances to the robot, m/s, from u_bar everywhere at first to the true ones."""
+        """Speeds at distances to the robot, m/s, from u_bar everywhere at first to the true
+        ones.
+        """
         true = super()._speed(distance, iteration)
         length = self.recipe.ramp * self.recipe.iterations
         if iteration >= length:
@@ -37,7 +39,9 @@ class ExtendedLoss(ResidualLoss):
             return left
         return left - self.recipe.viscosity * interior.laplacian
 
-    def _derived(self, module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def _derived(
+        self, module: FieldModule, p: torch.Tensor, q: torch.Tensor
+    ) -> tuple[torch.Tensor, ...]:
         """T and its gradient in p, and its Laplacian if that counts."""
         if self.recipe.viscosity:
             return raw_jet(module, p, q)
@@ -53,7 +57,8 @@ class ExtendedLoss(ResidualLoss):
     def _temporal_difference(self, module: FieldModule, interior: Interior) -> torch.Tensor:
         """Mean square of T(p) - (dt + T(p')), p' where the point is after dt along -grad T.
 
-        The target is not differentiated. A point that would leave the disc stops at the circle, T = 0.
+        The target is not differentiated. A point that would leave the disc stops at the circle, T =
+        0.
         """
         with torch.no_grad():
             ahead, spent, out = self._ahead(interior)

@@ -17,7 +17,9 @@ from piec_envs.escape.training.sampling import training_set
 from piec_envs.escape.weights import FieldWeights
 from piec_envs.world.robots import get_robot
 
-DATA_STREAM, BATCH_STREAM = 0, 1  # keep a seed's random numbers apart by their use
+# keep a seed's random numbers apart by their use
+DATA_STREAM = 0
+BATCH_STREAM = 1
 LEAST_BOUND = 0.02  # s, of T_0; nearer to the circle the ratio T / T_0 says nothing
 MOST_RATIO = 100.0  # of T / T_0
 
@@ -43,8 +45,12 @@ class FittedLoss:
         device: str,
         threads: int | None = None,
     ):
-        self.recipe, self.robot_name, self.speed, self.seed = recipe, robot_name, speed, seed
-        self.device, self.threads = device, threads
+        self.recipe = recipe
+        self.robot_name = robot_name
+        self.speed = speed
+        self.seed = seed
+        self.device = device
+        self.threads = threads
         self.x = self.y = torch.empty(0)
 
     @property
@@ -55,7 +61,9 @@ class FittedLoss:
             return [recipe.iterations]
         return [recipe.iterations] * recipe.rounds + [recipe.last_factor * recipe.iterations]
 
-    def begin_round(self, number: int, weights: FieldWeights) -> tuple[torch.Tensor, torch.Tensor] | None:
+    def begin_round(
+        self, number: int, weights: FieldWeights
+    ) -> tuple[torch.Tensor, torch.Tensor] | None:
         """Make the training set.
 
         Args:
@@ -66,10 +74,14 @@ class FittedLoss:
             Mean and scale of the inputs in round 0, else None.
         """
         rng = np.random.default_rng([self.seed, DATA_STREAM, number])
-        q, points = training_set(self.robot_name, self.recipe.configurations, self.recipe.points, rng)
+        q, points = training_set(
+            self.robot_name, self.recipe.configurations, self.recipe.points, rng
+        )
         field = NetworkField(self.robot_name, weights, self.threads)
         targets = self._targets(number, field, q, points, rng)
-        bound = (get_robot(self.robot_name).workspace_radius - np.hypot(*np.moveaxis(points, -1, 0))) / self.speed.u_bar
+        bound = (
+            get_robot(self.robot_name).workspace_radius - np.hypot(*np.moveaxis(points, -1, 0))
+        ) / self.speed.u_bar
         kept = (bound > LEAST_BOUND) & np.isfinite(targets)
         ratio = np.clip(targets[kept] / bound[kept], 1.0, MOST_RATIO)
         self.x = torch.from_numpy(field.describe(points, q)[kept]).to(self.device)
@@ -79,7 +91,9 @@ class FittedLoss:
     def _targets(self, number, field, q, points, rng) -> np.ndarray:
         """T at every point, shape (B, k), s."""
         if isinstance(self.recipe, Labelled):
-            grid = GridField(self.robot_name, self.recipe.resolution, "marching", self.speed, self.threads)
+            grid = GridField(
+                self.robot_name, self.recipe.resolution, "marching", self.speed, self.threads
+            )
             return grid.query(points, q)
         return bellman_targets(self.robot_name, self.recipe, field, number == 0, q, points, rng)
 
@@ -89,4 +103,6 @@ class FittedLoss:
         chosen = torch.from_numpy(rng.integers(len(self.y), size=self.recipe.batch)).to(self.device)
         z = module(self.x.index_select(0, chosen))
         found = nn.functional.softplus(z - SHIFT)
-        return nn.functional.smooth_l1_loss(found, self.y.index_select(0, chosen), beta=self.recipe.huber)
+        return nn.functional.smooth_l1_loss(
+            found, self.y.index_select(0, chosen), beta=self.recipe.huber
+        )

@@ -11,7 +11,8 @@ from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.weights import FieldWeights
 
 SEED = 20_001  # apart from the seeds of training and of the accuracy study
-CONFIGURATIONS, POINTS = 20, 100
+CONFIGURATIONS = 20
+POINTS = 100
 RESOLUTION = 140
 
 
@@ -30,7 +31,9 @@ class HeldOut:
         rng = np.random.default_rng(SEED)
         self.q = draw_configurations(robot_name, "curled", CONFIGURATIONS, rng)
         self.points = draw_points(robot_name, "curled", self.q, POINTS, rng)
-        self.true = GridField(robot_name, RESOLUTION, "marching", speed, threads).query(self.points, self.q)
+        self.true = GridField(robot_name, RESOLUTION, "marching", speed, threads).query(
+            self.points, self.q
+        )
 
     def error(self, weights: FieldWeights) -> dict[str, float]:
         """Median and mean relative error of a network."""

@@ -18,7 +18,8 @@ from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
 
 CHUNK = 8192  # points whose candidates are in memory together
-FREE = 12.0  # widths 1/s of the sigmoid beyond its middle, where the robot slows nothing down by more than 1e-5
+# widths 1/s of the sigmoid beyond its middle, where the robot slows nothing down by more than 1e-5
+FREE = 12.0
 LEAST_STEP = 0.002  # m, with which a line crosses the edge of the wall, where the slowness jumps
 BEYOND = 1e-9  # m, by which a line that leads out ends outside the circle, where T = 0
 
@@ -34,13 +35,15 @@ def _way_out(x, y, e_x, e_y, radius):
 def _add_time(shapes, speed, placed, start, direction, reach, step):
     """Integral of the slowness along start + s direction for s in reach = (from, to), s.
 
-    Steps are at most `step` long and do not jump over the edge of the wall, since d has slope 1; for the
-    same reason one step leads from a free point to the next that may not be free.
+    Steps are at most `step` long and do not jump over the edge of the wall, since d has slope 1;
+    for the same reason one step leads from a free point to the next that may not be free.
     """
     vertices, centres = placed
     s, total, free = reach[0], 0.0, max(speed.d0, speed.tau + FREE / speed.s)
     while s < reach[1]:
-        d = least_distance(shapes, vertices, centres, start[0] + s * direction[0], start[1] + s * direction[1])
+        d = least_distance(
+            shapes, vertices, centres, start[0] + s * direction[0], start[1] + s * direction[1]
+        )
         if d - free > step:
             h = min(d - free, reach[1] - s)
         else:
@@ -79,10 +82,15 @@ def _straight_lines(lo, hi, robot, speed, disc, q, points, directions, lengths, 
             s, total = 0.0, 0.0
             for j in range(count):
                 target = min(lengths[j], out_at)
-                total += _add_time(robot.shapes, speed, (vertices, centres), p, e, (s, target), step)
+                total += _add_time(
+                    robot.shapes, speed, (vertices, centres), p, e, (s, target), step
+                )
                 s = target
                 over = s + BEYOND if s >= out_at else s
-                ends[row, k * count + j, 0], ends[row, k * count + j, 1] = p[0] + over * e[0], p[1] + over * e[1]
+                ends[row, k * count + j, 0], ends[row, k * count + j, 1] = (
+                    p[0] + over * e[0],
+                    p[1] + over * e[1],
+                )
                 times[row, k * count + j] = total
 
 
@@ -97,8 +105,11 @@ class Paths:
 
     def __init__(self, robot_name: str, field: NetworkField, recipe: Bellman):
         robot = get_robot(robot_name)
-        self.field, self.recipe, self.base = field, recipe, robot.base_dof
-        self._robot, self._speed = pack_robot(robot_name), field.speed.packed()
+        self.field = field
+        self.recipe = recipe
+        self.base = robot.base_dof
+        self._robot = pack_robot(robot_name)
+        self._speed = field.speed.packed()
         self._radius = float(robot.workspace_radius)
         self._reach = 2 * self._radius + 1.0  # m, longer than any line inside the disc
 
@@ -117,11 +128,24 @@ class Paths:
         count = directions.shape[1] * len(lengths)
         out = np.empty((len(q), count, 2)), np.empty((len(q), count))
         disc = self.base, self._radius, self.recipe.line_step
-        run_rows(_straight_lines, len(q), self.field.threads, self._robot, self._speed, disc, q, points, directions,
-                 np.asarray(lengths, dtype=float), out)  # fmt: skip
+        run_rows(
+            _straight_lines,
+            len(q),
+            self.field.threads,
+            self._robot,
+            self._speed,
+            disc,
+            q,
+            points,
+            directions,
+            np.asarray(lengths, dtype=float),
+            out,
+        )
         return out
 
-    def straight_out(self, q: np.ndarray, points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def straight_out(
+        self, q: np.ndarray, points: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
         """Time of the best straight line out.
 
         Args:
@@ -147,9 +171,11 @@ class Paths:
             Shape (N,), s.
         """
         directions = even_directions(rng, len(q), self.recipe.directions)
-        ends, times = self.lines(q, points, directions, self.recipe.lengths)  # (N, K J, 2), (N, K J)
+        # (N, K J, 2), (N, K J)
+        ends, times = self.lines(q, points, directions, self.recipe.lengths)
         value = times + self.field.query(ends, q)
-        rows, best = np.arange(len(q)), value.argmin(axis=1)
+        rows = np.arange(len(q))
+        best = value.argmin(axis=1)
         if not self.recipe.descent_step:
             return value[rows, best]
         ends = np.ascontiguousarray(ends[rows, best])
@@ -166,16 +192,21 @@ class Paths:
         Returns:
             Shape (N,), s; inf where it does not get out.
         """
-        points, total, rows = points.copy(), np.zeros(len(q)), np.arange(len(q))
+        points = points.copy()
+        total = np.zeros(len(q))
+        rows = np.arange(len(q))
         for _ in range(self.recipe.descent_steps):
             times, slopes = self.field.point_gradients(points[rows, None], q[rows])
             inside = times[:, 0] > 0
-            rows, slopes = rows[inside], slopes[inside]  # (R, 1, 2)
+            # (R, 1, 2)
+            rows = rows[inside]
+            slopes = slopes[inside]
             if not len(rows):
                 return total
             directions = -slopes / np.maximum(np.linalg.norm(slopes, axis=-1, keepdims=True), 1e-12)
             ends, times = self.lines(q[rows], points[rows], directions, [self.recipe.descent_step])
-            points[rows], total[rows] = ends[:, 0], total[rows] + times[:, 0]
+            points[rows] = ends[:, 0]
+            total[rows] = total[rows] + times[:, 0]
         total[rows] = np.inf
         return total
 
@@ -196,9 +227,14 @@ def even_directions(rng: np.random.Generator, rows: int, count: int) -> np.ndarr
 
 
 def bellman_targets(
-    robot_name: str, recipe: Bellman, field: NetworkField, first: bool, q: np.ndarray, points: np.ndarray,
+    robot_name: str,
+    recipe: Bellman,
+    field: NetworkField,
+    first: bool,
+    q: np.ndarray,
+    points: np.ndarray,
     rng: np.random.Generator,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Targets of one round.
 
     Args:
@@ -213,11 +249,13 @@ def bellman_targets(
     Returns:
         T, shape (B, k), s.
     """
-    paths, targets = Paths(robot_name, field, recipe), np.empty(points.shape[:2])
+    paths = Paths(robot_name, field, recipe)
+    targets = np.empty(points.shape[:2])
     per_chunk = max(CHUNK // points.shape[1], 1)
     for lo in range(0, len(q), per_chunk):
         rows = slice(lo, lo + per_chunk)
-        some, some_q = points[rows].reshape(-1, 2), np.repeat(q[rows], points.shape[1], axis=0)
+        some = points[rows].reshape(-1, 2)
+        some_q = np.repeat(q[rows], points.shape[1], axis=0)
         find = paths.straight_out if first else paths.look_ahead
         targets[rows] = find(some_q, some, rng).reshape(-1, points.shape[1])
     return targets

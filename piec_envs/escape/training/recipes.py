@@ -55,7 +55,9 @@ class Recipe:
             if type(item.default) is int:
                 as_count(item.name, value, 0 if item.name == "rounds" else 1)
             elif isinstance(item.default, float) and not (math.isfinite(value) and value >= 0):
-                raise InvalidParameterError(f"{item.name} must be finite and not negative, got {value}")
+                raise InvalidParameterError(
+                    f"{item.name} must be finite and not negative, got {value}"
+                )
 
     def described(self) -> dict[str, Any]:
         """The recipe as JSON values, with the name of its method."""
@@ -67,8 +69,10 @@ class Fitted(Recipe):
     """A recipe that regresses log(T / T_0) on targets, with a Huber loss.
 
     Args:
-        configurations: in the training set of each round: uniform, curled and closing, a third each.
-        points: for each configuration: half around the arm, a quarter close to it, a quarter anywhere.
+        configurations: in the training set of each round: uniform, curled and closing, a third
+            each.
+        points: for each configuration: half around the arm, a quarter close to it, a quarter
+            anywhere.
         huber: error of log(T / T_0) at which the loss turns from quadratic to linear.
     """
 
@@ -95,12 +99,13 @@ class Bellman(Fitted):
     Round 0 regresses on the time of the best straight line out, an upper bound. Each further round
     looks ahead from every point with the network of the round before,
 
-        T(p) = min over directions e and lengths r of  integral of ds/u along p + s e, s <= r, + T(p + r e),
+        T(p) = min over directions e and lengths r of  integral of ds/u along p + s e, s <= r, + T(p
+        + r e),
 
     and then takes the true time of going on from there, along -grad T or straight out, or that of
-    following -grad T from p. With `descent_step` above 0 every target is the time of a path that can be
-    gone and bounds T from above, so that no error of the network can pull it below the least time, the
-    viscosity solution.
+    following -grad T from p. With `descent_step` above 0 every target is the time of a path that
+    can be gone and bounds T from above, so that no error of the network can pull it below the least
+    time, the viscosity solution.
 
     Args:
         configurations, points, iterations: as in `Fitted`, fewer by default.
@@ -147,8 +152,8 @@ class Residual(Recipe):
         configurations: in each iteration, uniform within the limits.
         near_share: share of the points that lie in the band around the robot.
         band: outer distance of that band, m.
-        clearance: least distance of all points to the robot, m: above d0, within which 1/u is that of
-            the wall (the paper's 0.01 lies inside, where its 1/u is infinite).
+        clearance: least distance of all points to the robot, m: above d0, within which 1/u is that
+            of the wall (the paper's 0.01 lies inside, where its 1/u is infinite).
         boundary: points on the circle in each iteration.
     """
 
@@ -164,7 +169,9 @@ class Residual(Recipe):
     def __post_init__(self):
         super().__post_init__()
         if self.clearance >= self.band:
-            raise InvalidParameterError(f"band must be above clearance, {self.clearance}, got {self.band}")
+            raise InvalidParameterError(
+                f"band must be above clearance, {self.clearance}, got {self.band}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,15 +179,17 @@ class Extended(Residual):
     """The paper's loss with what later work adds to it; the numbers are ours where none is named.
 
     Args:
-        viscosity: eps of the term -eps Laplacian(T) in the residual, m, with which the time of least
-            arrival is the only limit as eps goes to 0 (P-NTFields: Ni and Qureshi, "Progressive learning
-            for physics-informed neural motion planning", RSS 2023, eq. 6, eps 0.01 in a unit cube).
-        ramp: share of the iterations in which the speed falls from u_bar everywhere to u, linearly (the
-            same, eq. 8: (1 - a) u_bar + a u, a from 0 to 1).
-        weight_td: lambda of the temporal difference, 1/s^2 (NTRL: Ni, Pan and Qureshi, "Physics-informed
-            temporal difference metric learning for robot motion planning", ICLR 2025).
-        time_step: between a point and the one that it is held against, s: in free space 1 s is 0.05 m,
-            as theirs is 0.02 of a unit cube.
+        viscosity: eps of the term -eps Laplacian(T) in the residual, m, with which the time of
+            least arrival is the only limit as eps goes to 0 (P-NTFields: Ni and Qureshi,
+            "Progressive learning for physics-informed neural motion planning", RSS 2023, eq. 6, eps
+            0.01 in a unit cube).
+        ramp: share of the iterations in which the speed falls from u_bar everywhere to u, linearly
+            (the same, eq. 8: (1 - a) u_bar + a u, a from 0 to 1).
+        weight_td: lambda of the temporal difference, 1/s^2 (NTRL: Ni, Pan and Qureshi,
+            "Physics-informed temporal difference metric learning for robot motion planning", ICLR
+            2025).
+        time_step: between a point and the one that it is held against, s: in free space 1 s is 0.05
+            m, as theirs is 0.02 of a unit cube.
     """
 
     viscosity: float = 0.0

@@ -1,4 +1,6 @@
-"""The learned field in torch: the readable twin of the compiled kernels, differentiable everywhere."""
+"""The learned field in torch: the readable twin of the compiled kernels, differentiable
+everywhere.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ SMALL = 1e-2  # likewise
 
 
 def skeleton(robot_name: str, q: torch.Tensor) -> torch.Tensor:
-    """Origins of the turning joints and the tip, in the frame of the base turned by the first of them.
+    """Origins of the turning joints and the tip, in the frame of the base turned by the first of
+    them.
 
     Args:
         robot_name: a row of the table of robots.
@@ -30,14 +33,19 @@ def skeleton(robot_name: str, q: torch.Tensor) -> torch.Tensor:
         Shape (N, L + 1, 2), m.
     """
     robot = get_robot(robot_name)
-    joints, base, tip = robot.joints, robot.base_dof, (float(robot.tip[0]), float(robot.tip[1]))
+    joints = robot.joints
+    base = robot.base_dof
+    tip = (float(robot.tip[0]), float(robot.tip[1]))
     turn = torch.zeros_like(q[:, 0])
     where = torch.zeros(len(q), 2, dtype=q.dtype, device=q.device)
     points = [where]
     for j in range(base + 1, len(joints) + 1):
         offset = joints[j].origin[:2] if j < len(joints) else tip
-        c, s = torch.cos(turn), torch.sin(turn)
-        where = where + torch.stack([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]], dim=1)
+        c = torch.cos(turn)
+        s = torch.sin(turn)
+        where = where + torch.stack(
+            [c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]], dim=1
+        )
         points.append(where)
         if j < len(joints):
             turn = turn + joints[j].origin[2] + joints[j].axis[2] * q[:, j]
@@ -55,11 +63,13 @@ def to_base(robot_name: str, p: torch.Tensor, q: torch.Tensor) -> torch.Tensor:
     Returns:
         Shape (N, 2), m.
     """
-    joints, base = get_robot(robot_name).joints, get_robot(robot_name).base_dof
+    joints = get_robot(robot_name).joints
+    base = get_robot(robot_name).base_dof
     for j in range(base):
         p = p - q[:, j : j + 1] * torch.tensor(joints[j].axis[:2], dtype=p.dtype, device=p.device)
     angle = joints[base].origin[2] + joints[base].axis[2] * q[:, base]
-    c, s = torch.cos(angle), torch.sin(angle)
+    c = torch.cos(angle)
+    s = torch.sin(angle)
     return torch.stack([c * p[:, 0] + s * p[:, 1], c * p[:, 1] - s * p[:, 0]], dim=1)
 
 
@@ -73,9 +83,11 @@ def _distance(a: torch.Tensor, start: torch.Tensor, end: torch.Tensor) -> torch.
 
 def _half_sine(p: torch.Tensor, start: torch.Tensor, end: torch.Tensor) -> torch.Tensor:
     """sin(phi / 2) of the angle that the segments subtend at the points, all (N, 2)."""
-    a, b = start - p, end - p
+    a = start - p
+    b = end - p
     a_norm, b_norm = (torch.sqrt((v * v).sum(1, keepdim=True) + TINY) for v in (a, b))
-    cross, middle = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], b_norm * a + a_norm * b
+    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    middle = b_norm * a + a_norm * b
     return cross / torch.sqrt((middle * middle).sum(1) + TINY)
 
 
@@ -92,7 +104,8 @@ def features(robot_name: str, points: torch.Tensor, q: torch.Tensor, d0: float) 
         Shape (N, F).
     """
     width = meeting_distance(robot_name, d0)
-    p, s = to_base(robot_name, points, q), skeleton(robot_name, q)
+    p = to_base(robot_name, points, q)
+    s = skeleton(robot_name, q)
     segments = s.shape[1] - 1
     columns = [p[:, 0], p[:, 1], torch.sqrt((p * p).sum(1) + TINY)]
     for m in range(2, segments + 1):
@@ -108,7 +121,9 @@ def features(robot_name: str, points: torch.Tensor, q: torch.Tensor, d0: float) 
 
 
 class Activation(torch.autograd.Function):
-    """x/2 (1 + x / sqrt(1 + x^2)); keeps only x, which halves the memory traffic of a composed one."""
+    """x/2 (1 + x / sqrt(1 + x^2)); keeps only x, which halves the memory traffic of a
+    composed one.
+    """
 
     @staticmethod
     def forward(ctx, x):
@@ -156,7 +171,9 @@ class FieldModule(nn.Module):
         super().__init__()
         self.register_buffer("mean", torch.zeros(inputs))
         self.register_buffer("scale", torch.ones(inputs))
-        self.hidden = nn.ModuleList(nn.Linear(inputs if k == 0 else width, width) for k in range(depth))
+        self.hidden = nn.ModuleList(
+            nn.Linear(inputs if k == 0 else width, width) for k in range(depth)
+        )
         self.out = nn.Linear(width, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -175,12 +192,17 @@ class FieldModule(nn.Module):
             "scale": self.scale,
             "w_in": first.weight,
             "b_in": first.bias,
-            "w": torch.stack([layer.weight for layer in others]) if others else torch.empty(0, width, width),
+            "w": torch.stack([layer.weight for layer in others])
+            if others
+            else torch.empty(0, width, width),
             "b": torch.stack([layer.bias for layer in others]) if others else torch.empty(0, width),
             "w_out": self.out.weight[0],
             "b_out": self.out.bias,
         }
-        return {name: tensor.detach().cpu().numpy().astype(np.float32) for name, tensor in tensors.items()}
+        return {
+            name: tensor.detach().cpu().numpy().astype(np.float32)
+            for name, tensor in tensors.items()
+        }
 
     @classmethod
     def of(cls, weights: FieldWeights) -> FieldModule:
@@ -227,7 +249,8 @@ class Geometry:
         """
         if self.inputs == "skeleton":
             return features(self.robot, points, q, self.speed.d0)
-        joints, base = get_robot(self.robot).joints, get_robot(self.robot).base_dof
+        joints = get_robot(self.robot).joints
+        base = get_robot(self.robot).base_dof
         for j in range(base):
             points = points - q[:, j : j + 1] * torch.tensor(
                 joints[j].axis[:2], dtype=points.dtype, device=points.device
@@ -261,4 +284,6 @@ class Geometry:
             Shape (N,), s.
         """
         p = to_base(self.robot, points, q)
-        return (get_robot(self.robot).workspace_radius - torch.sqrt((p * p).sum(1) + TINY)) / self.speed.u_bar
+        return (
+            get_robot(self.robot).workspace_radius - torch.sqrt((p * p).sum(1) + TINY)
+        ) / self.speed.u_bar

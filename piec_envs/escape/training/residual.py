@@ -1,4 +1,6 @@
-"""The paper's physics-informed loss: eikonal residual and boundary, without labels (section 4.3)."""
+"""The paper's physics-informed loss: eikonal residual and boundary, without labels (section
+4.3).
+"""
 
 from __future__ import annotations
 
@@ -39,9 +41,19 @@ class ResidualLoss:
     """
 
     def __init__(
-        self, recipe: Residual, robot_name: str, speed: SpeedModel, seed: int, device: str, threads: int | None = None
+        self,
+        recipe: Residual,
+        robot_name: str,
+        speed: SpeedModel,
+        seed: int,
+        device: str,
+        threads: int | None = None,
     ):
-        self.recipe, self.robot_name, self.speed, self.seed, self.device = recipe, robot_name, speed, seed, device
+        self.recipe = recipe
+        self.robot_name = robot_name
+        self.speed = speed
+        self.seed = seed
+        self.device = device
         self.geometry = Geometry(robot_name, recipe.inputs, speed)
 
     @property
@@ -49,7 +61,9 @@ class ResidualLoss:
         """Iterations of the only round."""
         return [self.recipe.iterations]
 
-    def begin_round(self, number: int, weights: FieldWeights) -> tuple[torch.Tensor, torch.Tensor] | None:
+    def begin_round(
+        self, number: int, weights: FieldWeights
+    ) -> tuple[torch.Tensor, torch.Tensor] | None:
         """Mean and scale of geometric inputs; raw ones go in as they are, as in the paper.
 
         Args:
@@ -63,7 +77,9 @@ class ResidualLoss:
         rng = np.random.default_rng(self.seed)
         q = draw_configurations(self.robot_name, "uniform", NORMALISATION_POINTS // 10, rng)
         points = clear_points(self.robot_name, q, 10, rng, self.recipe.clearance)
-        x = self.geometry.describe(self._tensor(points.reshape(-1, 2)), self._tensor(np.repeat(q, 10, axis=0)))
+        x = self.geometry.describe(
+            self._tensor(points.reshape(-1, 2)), self._tensor(np.repeat(q, 10, axis=0))
+        )
         return x.mean(0), x.std(0).clamp(min=LEAST_SCALE)
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
@@ -71,10 +87,15 @@ class ResidualLoss:
 
     def __call__(self, module: FieldModule, iteration: int) -> torch.Tensor:
         """The loss of one iteration's batch."""
-        recipe, rng = self.recipe, np.random.default_rng([self.seed, iteration])
+        recipe = self.recipe
+        rng = np.random.default_rng([self.seed, iteration])
         q = draw_configurations(self.robot_name, "uniform", recipe.configurations, rng)
         loss = self._inner_loss(module, self._interior(module, q, rng, iteration))
-        return loss + recipe.weight_bc * self._boundary(module, q, rng) if recipe.inputs == "raw" else loss
+        return (
+            loss + recipe.weight_bc * self._boundary(module, q, rng)
+            if recipe.inputs == "raw"
+            else loss
+        )
 
     def _inner_loss(self, module: FieldModule, interior: Interior) -> torch.Tensor:
         """What is asked for inside the disc."""
@@ -84,7 +105,8 @@ class ResidualLoss:
         """Points (N, 2) and their configurations (N, n): near the robot, and anywhere."""
         recipe = self.recipe
         each = -(-recipe.batch // len(q))
-        points = clear_points(self.robot_name, q, each, rng, recipe.clearance, recipe.band)  # (B, k, 2)
+        # (B, k, 2)
+        points = clear_points(self.robot_name, q, each, rng, recipe.clearance, recipe.band)
         anywhere = clear_points(self.robot_name, q, each, rng, recipe.clearance)
         near = rng.uniform(size=points.shape[:2]) < recipe.near_share
         points = np.where(near[..., None], points, anywhere)
@@ -94,7 +116,9 @@ class ResidualLoss:
         """Speeds at distances to the robot, m/s; the same in every iteration."""
         return self.speed.speed(distance)
 
-    def _interior(self, module: FieldModule, q: np.ndarray, rng: np.random.Generator, iteration: int) -> Interior:
+    def _interior(
+        self, module: FieldModule, q: np.ndarray, rng: np.random.Generator, iteration: int
+    ) -> Interior:
         """Points of this iteration, with T and its slope."""
         points, rows = self._points(q, rng)
         distance = robot_distance(self.robot_name, points[:, None], rows)[:, 0]
@@ -103,7 +127,9 @@ class ResidualLoss:
         joints = self._tensor(rows)
         return Interior(p, joints, slowness, *self._derived(module, p, joints))
 
-    def _derived(self, module: FieldModule, p: torch.Tensor, q: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def _derived(
+        self, module: FieldModule, p: torch.Tensor, q: torch.Tensor
+    ) -> tuple[torch.Tensor, ...]:
         """T and its gradient in p."""
         T = self.geometry.time(module, p, q)
         (slope,) = torch.autograd.grad(T.sum(), p, create_graph=True)
@@ -122,8 +148,10 @@ class ResidualLoss:
 
     def _boundary(self, module, q, rng) -> torch.Tensor:
         """Mean of T^2 on the circle, which the factorised form keeps at 0 by itself."""
-        count, robot = self.recipe.boundary, get_robot(self.robot_name)
-        angle, rows = rng.uniform(0, 2 * np.pi, count), q[rng.integers(len(q), size=count)]
+        count = self.recipe.boundary
+        robot = get_robot(self.robot_name)
+        angle = rng.uniform(0, 2 * np.pi, count)
+        rows = q[rng.integers(len(q), size=count)]
         points = robot.workspace_radius * np.column_stack([np.cos(angle), np.sin(angle)])
         T = self.geometry.time(module, self._tensor(points), self._tensor(rows))
         return (T * T).mean()

@@ -18,18 +18,29 @@ MAX_DRAWS = 10_000  # after which there are no such points
 
 def _in_disc(rng: np.random.Generator, centre: np.ndarray, radius: float, k: int) -> np.ndarray:
     """Uniform points around each centre (B, 2), shape (B, k, 2)."""
-    angle, r = rng.uniform(0, 2 * np.pi, (len(centre), k)), radius * np.sqrt(rng.uniform(size=(len(centre), k)))
+    angle = rng.uniform(0, 2 * np.pi, (len(centre), k))
+    r = radius * np.sqrt(rng.uniform(size=(len(centre), k)))
     return centre[:, None] + np.stack([r * np.cos(angle), r * np.sin(angle)], axis=-1)
 
 
-def _near_shapes(rng: np.random.Generator, robot_name: str, q: np.ndarray, reach: float, k: int) -> np.ndarray:
+def _near_shapes(
+    rng: np.random.Generator, robot_name: str, q: np.ndarray, reach: float, k: int
+) -> np.ndarray:
     """Points at up to `reach` from random points of the robot's shapes, shape (B, k, 2)."""
-    shapes, vertices = pack_robot(robot_name).shapes, robot_vertices(robot_name, q)  # (B, V, 2)
-    rows, shape = np.arange(len(q))[:, None], rng.integers(len(shapes.radius), size=(len(q), k))
-    first, count = shapes.first[shape], np.diff(shapes.first)[shape]
-    a, b = (vertices[rows, first + (rng.uniform(size=shape.shape) * count).astype(int)] for _ in range(2))
+    # (B, V, 2)
+    shapes = pack_robot(robot_name).shapes
+    vertices = robot_vertices(robot_name, q)
+    rows = np.arange(len(q))[:, None]
+    shape = rng.integers(len(shapes.radius), size=(len(q), k))
+    first = shapes.first[shape]
+    count = np.diff(shapes.first)[shape]
+    a, b = (
+        vertices[rows, first + (rng.uniform(size=shape.shape) * count).astype(int)]
+        for _ in range(2)
+    )
     core = a + rng.uniform(size=(*shape.shape, 1)) * (b - a)
-    angle, r = rng.uniform(0, 2 * np.pi, shape.shape), shapes.radius[shape] + reach * rng.uniform(size=shape.shape)
+    angle = rng.uniform(0, 2 * np.pi, shape.shape)
+    r = shapes.radius[shape] + reach * rng.uniform(size=shape.shape)
     return core + np.stack([r * np.cos(angle), r * np.sin(angle)], axis=-1)
 
 
@@ -50,7 +61,9 @@ def _accepted(
     Raises:
         InvalidParameterError: if hardly any point is good.
     """
-    points, have, open_rows = np.empty((rows, k, 2)), np.zeros(rows, dtype=int), np.arange(rows if k else 0)
+    points = np.empty((rows, k, 2))
+    have = np.zeros(rows, dtype=int)
+    open_rows = np.arange(rows if k else 0)
     for _ in range(MAX_DRAWS):
         if not len(open_rows):
             return points
@@ -62,11 +75,18 @@ def _accepted(
         points[open_rows[row], slot[row, column]] = candidates[row, column]
         have[open_rows] += kept.sum(axis=1)
         open_rows = open_rows[have[open_rows] < k]
-    raise InvalidParameterError("hardly any point of the workspace is at the wanted distance from the robot")
+    raise InvalidParameterError(
+        "hardly any point of the workspace is at the wanted distance from the robot"
+    )
 
 
 def clear_points(
-    robot_name: str, q: np.ndarray, k: int, rng: np.random.Generator, low: float, high: float = np.inf
+    robot_name: str,
+    q: np.ndarray,
+    k: int,
+    rng: np.random.Generator,
+    low: float,
+    high: float = np.inf,
 ) -> np.ndarray:
     """Points inside the workspace at a distance between `low` and `high` from the robot.
 
@@ -91,12 +111,16 @@ def clear_points(
     def good(rows, points):
         """Which candidates lie in the disc and at a wanted distance from the robot."""
         distance = robot_distance(robot_name, points, q[rows])
-        return (distance >= low) & (distance <= high) & (np.hypot(*points.transpose(2, 0, 1)) < radius)
+        return (
+            (distance >= low) & (distance <= high) & (np.hypot(*points.transpose(2, 0, 1)) < radius)
+        )
 
     return _accepted(draw, good, len(q), k)
 
 
-def around_points(robot_name: str, q: np.ndarray, k: int, rng: np.random.Generator, low: float) -> np.ndarray:
+def around_points(
+    robot_name: str, q: np.ndarray, k: int, rng: np.random.Generator, low: float
+) -> np.ndarray:
     """Points inside the workspace around the centroid of the robot.
 
     Args:
@@ -109,14 +133,17 @@ def around_points(robot_name: str, q: np.ndarray, k: int, rng: np.random.Generat
     Raises:
         InvalidParameterError: if hardly any point is good.
     """
-    radius, centre = get_robot(robot_name).workspace_radius, robot_vertices(robot_name, q).mean(axis=1)
+    radius = get_robot(robot_name).workspace_radius
+    centre = robot_vertices(robot_name, q).mean(axis=1)
 
     def good(rows, points):
         """Which candidates lie in the disc and at a wanted distance from the robot."""
         distance = robot_distance(robot_name, points, q[rows])
         return (distance >= low) & (np.hypot(*points.transpose(2, 0, 1)) < radius)
 
-    return _accepted(lambda rows, count: _in_disc(rng, centre[rows], AROUND, count), good, len(q), k)
+    return _accepted(
+        lambda rows, count: _in_disc(rng, centre[rows], AROUND, count), good, len(q), k
+    )
 
 
 def training_set(
@@ -126,7 +153,8 @@ def training_set(
 
     Args:
         robot_name: a row of the table of robots.
-        configurations: how many: a third each uniform, curled and closing (see `draw_configurations`).
+        configurations: how many: a third each uniform, curled and closing (see
+            `draw_configurations`).
         k: points for each: half around the arm, a quarter close to it, the rest anywhere.
         rng: source of randomness.
 
@@ -135,8 +163,11 @@ def training_set(
     """
     third = configurations // 3
     counts = {"uniform": third, "curled": third, "closing": configurations - 2 * third}
-    q = np.concatenate([draw_configurations(robot_name, kind, count, rng) for kind, count in counts.items()])
-    around, close = k // 2, k // 4
+    q = np.concatenate(
+        [draw_configurations(robot_name, kind, count, rng) for kind, count in counts.items()]
+    )
+    around = k // 2
+    close = k // 4
     low = 0.0  # also within the wall, so that the field is known wherever it is drawn
     parts = [
         around_points(robot_name, q, around, rng, low),

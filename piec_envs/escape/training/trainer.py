@@ -1,4 +1,6 @@
-"""The training loop: one iteration after the other, with checkpoints from which it goes on exactly."""
+"""The training loop: one iteration after the other, with checkpoints from which it goes on
+exactly.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ from piec_envs.world.robots import get_robot
 CHECKPOINT_SECONDS = 30.0
 REPORTS = 20  # held-out errors measured during a training
 LEAST_RATE = 0.01  # of the cosine schedule, as a share of the first
-LOSSES: dict[type, Any] = {Fitted: FittedLoss, Extended: ExtendedLoss, Residual: ResidualLoss}  # special ones first
+# special ones first
+LOSSES: dict[type, Any] = {Fitted: FittedLoss, Extended: ExtendedLoss, Residual: ResidualLoss}
 
 
 def learning_rate(recipe: Recipe, iteration: int, length: int) -> float:
@@ -49,7 +52,8 @@ def learning_rate(recipe: Recipe, iteration: int, length: int) -> float:
 
 
 class Training:
-    """One training run. It is the same again from the same seed, with the same number of torch threads.
+    """One training run. It is the same again from the same seed, with the same number of torch
+    threads.
 
     Args:
         recipe: how to train.
@@ -61,8 +65,8 @@ class Training:
 
     Raises:
         UnknownNameError: if the robot is not known.
-        InvalidParameterError: if torch cannot use the device, the robot's base slides, or a number is out
-            of range.
+        InvalidParameterError: if torch cannot use the device, the robot's base slides, or a number
+            is out of range.
         WeightsError: if the checkpoint is broken or another training's.
     """
 
@@ -78,18 +82,25 @@ class Training:
         check_device(device)
         if get_robot(robot_name).base_dof:
             raise InvalidParameterError(
-                f"the base of {robot_name!r} slides, and its field moves along: train a robot with a fixed base"
+                f"the base of {robot_name!r} slides, and its field moves along: train a robot "
+                f"with a fixed base"
             )
         threads = None if threads is None else as_count("threads", threads)
-        self.recipe, self.robot_name, self.speed = recipe, robot_name, SpeedModel()
+        self.recipe = recipe
+        self.robot_name = robot_name
+        self.speed = SpeedModel()
         self.seed = as_count("seed", seed, 0)
         torch.manual_seed(seed)
-        self.module = FieldModule(input_count(robot_name, recipe.inputs), recipe.width, recipe.depth).to(device)
+        self.module = FieldModule(
+            input_count(robot_name, recipe.inputs), recipe.width, recipe.depth
+        ).to(device)
         loss = next(made for kind, made in LOSSES.items() if isinstance(recipe, kind))
         self.loss = loss(recipe, robot_name, self.speed, seed, device, threads)
         self.held_out = HeldOut(robot_name, self.speed, threads)
         self.optimiser = self._fresh_optimiser()
-        self.iteration, self.seconds, self.history = 0, 0.0, list[dict[str, Any]]()
+        self.iteration = 0
+        self.seconds = 0.0
+        self.history = list[dict[str, Any]]()
         self.round_start = self.module.arrays()
         self.checkpoint = None if checkpoint is None else Path(checkpoint)
         self.device = device
@@ -106,7 +117,11 @@ class Training:
 
     def weights(self, arrays: dict[str, np.ndarray] | None = None) -> FieldWeights:
         """Present or given arrays as `FieldWeights`."""
-        record = {"seconds": round(self.seconds, 1), "held_out": self.history, "torch": torch.__version__}
+        record = {
+            "seconds": round(self.seconds, 1),
+            "held_out": self.history,
+            "torch": torch.__version__,
+        }
         return FieldWeights(
             robot=self.robot_name,
             inputs=self.recipe.inputs,
@@ -130,7 +145,13 @@ class Training:
         lengths = self.loss.lengths
         stop = min(sum(lengths), sum(lengths) if stop_at is None else stop_at)
         self._clock = self._saved = time.perf_counter()
-        with tqdm(total=sum(lengths), initial=self.iteration, disable=no_bar(progress), unit="it", delay=0.5) as bar:
+        with tqdm(
+            total=sum(lengths),
+            initial=self.iteration,
+            disable=no_bar(progress),
+            unit="it",
+            delay=0.5,
+        ) as bar:
             for number, length in enumerate(lengths):
                 start = sum(lengths[:number])
                 if start <= self.iteration < min(start + length, stop):
@@ -144,7 +165,8 @@ class Training:
     def _round(self, number: int, span: tuple[int, int], stop: int, bar: tqdm) -> None:
         start, length = span
         if self.iteration == start:
-            self.round_start, self.optimiser = self.module.arrays(), self._fresh_optimiser()
+            self.round_start = self.module.arrays()
+            self.optimiser = self._fresh_optimiser()
         normal = self.loss.begin_round(number, self.weights(self.round_start))
         if normal is not None:
             self.module.mean.copy_(normal[0])
@@ -169,8 +191,12 @@ class Training:
         total = sum(self.loss.lengths)
         if self.iteration % max(total // REPORTS, 1) == 0 or self.iteration == total:
             error = self.held_out.error(self.weights())
-            self.history.append({"iteration": self.iteration, "loss": float(loss.detach()), **error})
-            bar.set_postfix(loss=f"{self.history[-1]['loss']:.3g}", held_out=f"{100 * error['median']:.3g} %")
+            self.history.append(
+                {"iteration": self.iteration, "loss": float(loss.detach()), **error}
+            )
+            bar.set_postfix(
+                loss=f"{self.history[-1]['loss']:.3g}", held_out=f"{100 * error['median']:.3g} %"
+            )
         if self.checkpoint is not None and time.perf_counter() - self._saved > CHECKPOINT_SECONDS:
             self._keep_time()
             write_checkpoint(self.checkpoint, self)
@@ -178,7 +204,8 @@ class Training:
 
     def _keep_time(self) -> None:
         now = time.perf_counter()
-        self.seconds, self._clock = self.seconds + now - self._clock, now
+        self.seconds = self.seconds + now - self._clock
+        self._clock = now
 
 
 def check_device(device: str) -> None:

@@ -45,7 +45,10 @@ def pack_rdf(shapes: Mapping[str, FittedShape], bodies: Sequence[str] = MOVING) 
         raise InvalidParameterError(f"at least one body is needed, of {', '.join(BODIES)}")
     names = list(dict.fromkeys(map(mesh_of, bodies)))
     fitted = [shapes[name] for name in names]
-    boxes = {key: np.array([getattr(shape.box, key) for shape in fitted]) for key in fitted[0].box._fields}
+    boxes = {
+        key: np.array([getattr(shape.box, key) for shape in fitted])
+        for key in fitted[0].box._fields
+    }
     return PackedRdf(
         weights=np.array([shape.weights for shape in fitted]),
         binomials=binomials(len(fitted[0].weights) - 1),
@@ -72,8 +75,14 @@ class RobotDistanceField:
         UnknownNameError: if the Panda has no such body.
     """
 
-    def __init__(self, shapes: Mapping[str, FittedShape], bodies: Sequence[str] = MOVING, threads: int | None = None):
-        self.bodies, self.threads = tuple(bodies), threads
+    def __init__(
+        self,
+        shapes: Mapping[str, FittedShape],
+        bodies: Sequence[str] = MOVING,
+        threads: int | None = None,
+    ):
+        self.bodies = tuple(bodies)
+        self.threads = threads
         self.packed = pack_rdf(shapes, self.bodies)
 
     @property
@@ -96,7 +105,9 @@ class RobotDistanceField:
         """
         return self._ask(points, q, 0)[0]
 
-    def gradients(self, points: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def gradients(
+        self, points: np.ndarray, q: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance and its gradients in the points and the joints.
 
         Args:
@@ -104,8 +115,8 @@ class RobotDistanceField:
             q: all seven joints, shape (B, 7) or (7,), rad.
 
         Returns:
-            (d, dd_dp, dd_dq): m; shape (B, k, 3), without unit; shape (B, k, 7), m/rad. Without B for
-            a single row.
+            (d, dd_dp, dd_dq): m; shape (B, k, 3), without unit; shape (B, k, 7), m/rad. Without B
+            for a single row.
 
         Raises:
             InvalidStateError: if the shapes do not fit or a number is not finite.
@@ -114,13 +125,21 @@ class RobotDistanceField:
 
     def _ask(self, points, q, level):
         try:
-            points, q = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(q, dtype=float)
+            points = np.ascontiguousarray(points, dtype=float)
+            q = np.ascontiguousarray(q, dtype=float)
         except (TypeError, ValueError) as error:
             raise InvalidStateError(f"points and q must be numbers: {error}") from error
         single = q.ndim == 1
         if single:
-            points, q = points[None], q[None]
-        if points.ndim != 3 or points.shape[2] != 3 or q.ndim != 2 or q.shape[1] != 7 or len(points) != len(q):
+            points = points[None]
+            q = q[None]
+        if (
+            points.ndim != 3
+            or points.shape[2] != 3
+            or q.ndim != 2
+            or q.shape[1] != 7
+            or len(points) != len(q)
+        ):
             raise InvalidStateError(
                 f"points must be (B, k, 3) and q (B, 7), or (k, 3) and (7,); "
                 f"got {points.shape[single:]} and {q.shape[single:]}"
@@ -135,7 +154,8 @@ class RobotDistanceField:
 
 @lru_cache(maxsize=4)
 def panda_shapes(degree: int = DEGREE, threads: int | None = None) -> Mapping[str, FittedShape]:
-    """The fitted shapes of the Panda, from the cache folder or fitted now and kept there if it can be written.
+    """The fitted shapes of the Panda, from the cache folder or fitted now and kept there if it can
+    be written.
 
     Args:
         degree: of the polynomials.
@@ -146,12 +166,15 @@ def panda_shapes(degree: int = DEGREE, threads: int | None = None) -> Mapping[st
 
     Raises:
         InvalidParameterError: if the degree is not one of `DEGREES`.
-        MissingDependencyError: if they must be fitted and the package that brings the meshes is not installed.
+        MissingDependencyError: if they must be fitted and the package that brings the meshes is not
+            installed.
         MeshError: if they must be fitted and a mesh is not the expected one.
     """
     degree = as_count("degree", degree)
     if degree not in DEGREES:
-        raise InvalidParameterError(f"degree must be from {DEGREES[0]} to {DEGREES[-1]}, got {degree}")
+        raise InvalidParameterError(
+            f"degree must be from {DEGREES[0]} to {DEGREES[-1]}, got {degree}"
+        )
     folder = cache_folder()
     path = folder / f"panda-rdf-{degree}.npz" if folder else None
     if path:
@@ -168,7 +191,8 @@ def panda_shapes(degree: int = DEGREE, threads: int | None = None) -> Mapping[st
 def panda_distance_field(
     degree: int = DEGREE, bodies: Sequence[str] = MOVING, threads: int | None = None
 ) -> RobotDistanceField:
-    """The distance field of the Panda; its polynomials are fitted at first use, which takes seconds.
+    """The distance field of the Panda; its polynomials are fitted at first use, which takes
+    seconds.
 
     Args:
         degree: of the polynomials.

@@ -1,4 +1,6 @@
-"""The file of a fitted robot distance field: arrays and their description in one npz, nothing to unpickle."""
+"""The file of a fitted robot distance field: arrays and their description in one npz, nothing to
+unpickle.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,10 @@ def save_shapes(path: str | os.PathLike, shapes: Mapping[str, FittedShape]) -> P
     target.parent.mkdir(parents=True, exist_ok=True)
     fitted = list(shapes.values())
     arrays = {key: np.array([getattr(shape.box, key) for shape in fitted]) for key in Box._fields}
-    arrays |= {"weights": np.array([shape.weights for shape in fitted]), "slack": np.array([s.slack for s in fitted])}
+    arrays |= {
+        "weights": np.array([shape.weights for shape in fitted]),
+        "slack": np.array([s.slack for s in fitted]),
+    }
     meta = {
         "format": FORMAT,
         "degree": len(fitted[0].weights) - 1,
@@ -61,8 +66,8 @@ def load_shapes(path: str | os.PathLike, degree: int | None = None) -> dict[str,
         The fitted shapes by the names of their meshes.
 
     Raises:
-        DistanceFieldError: if the file is missing, broken or foreign, was fitted to other meshes or in
-            another way, or has another degree.
+        DistanceFieldError: if the file is missing, broken or foreign, was fitted to other meshes or
+            in another way, or has another degree.
     """
     try:
         with np.load(path, allow_pickle=False) as data:
@@ -81,7 +86,9 @@ def load_shapes(path: str | os.PathLike, degree: int | None = None) -> dict[str,
     except DistanceFieldError as error:
         raise DistanceFieldError(f"{path}: {error}") from error
     except (*BROKEN_FILE, AttributeError) as error:
-        raise DistanceFieldError(why_unreadable(path, "file of a robot distance field", error)) from error
+        raise DistanceFieldError(
+            why_unreadable(path, "file of a robot distance field", error)
+        ) from error
 
 
 def _check(meta: Mapping, arrays: Mapping[str, np.ndarray], degree: int | None) -> None:
@@ -97,17 +104,24 @@ def _check(meta: Mapping, arrays: Mapping[str, np.ndarray], degree: int | None) 
         if meta[key] != value:
             raise DistanceFieldError(f"{key} is {meta[key]!r}, but {value!r} is needed")
     if set(meta["shapes"]) != set(SHA_256):
-        raise DistanceFieldError(f"it holds the shapes {meta['shapes']}, but {list(SHA_256)} are needed")
-    count, edge = len(meta["shapes"]), meta["degree"] + 1
+        raise DistanceFieldError(
+            f"it holds the shapes {meta['shapes']}, but {list(SHA_256)} are needed"
+        )
+    count = len(meta["shapes"])
+    edge = meta["degree"] + 1
     shapes = {"weights": (count, edge, edge, edge), "slack": (count,)}
     for name, array in arrays.items():
         if array.shape != shapes.get(name, (count, 3)) or not np.isfinite(array).all():
-            raise DistanceFieldError(f"{name} must be finite, of shape {shapes.get(name, (count, 3))}")
+            raise DistanceFieldError(
+                f"{name} must be finite, of shape {shapes.get(name, (count, 3))}"
+            )
 
 
 def _digest(arrays: Mapping[str, np.ndarray]) -> str:
     """SHA-256 of the arrays' shapes and bytes."""
     digest = hashlib.sha256()
     for name in ARRAYS:
-        digest.update(f"{name}{arrays[name].shape}".encode() + np.ascontiguousarray(arrays[name]).tobytes())
+        digest.update(
+            f"{name}{arrays[name].shape}".encode() + np.ascontiguousarray(arrays[name]).tobytes()
+        )
     return digest.hexdigest()

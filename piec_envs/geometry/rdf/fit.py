@@ -23,14 +23,21 @@ from piec_envs.geometry.rdf.shape import (
 from piec_envs.parallel import run_rows
 
 DENSITY = 1.7  # samples per coefficient and axis
-RIDGE = 1e-5  # of the largest singular value: keeps the coefficients below 1e9 m, in which 1e-7 m is left
+# of the largest singular value: keeps the coefficients below 1e9 m, in which 1e-7 m is left
+RIDGE = 1e-5
 TESTS = 10_000  # points on which the error is measured
 SAFETY = 2.0  # slack over the largest error measured
 SHELL = 0.2  # m from the surface, where the error is stated
 RECIPE = {
-    "margin": MARGIN, "steep": STEEP, "least_width": LEAST_WIDTH, "density": DENSITY, "ridge": RIDGE,
-    "tests": TESTS, "safety": SAFETY, "shell": SHELL,
-}  # fmt: skip
+    "margin": MARGIN,
+    "steep": STEEP,
+    "least_width": LEAST_WIDTH,
+    "density": DENSITY,
+    "ridge": RIDGE,
+    "tests": TESTS,
+    "safety": SAFETY,
+    "shell": SHELL,
+}
 
 
 def exact_distance(hull: Hull, points: np.ndarray, threads: int | None = None) -> np.ndarray:
@@ -65,7 +72,8 @@ def fit_shape(vertices: np.ndarray, degree: int, threads: int | None = None) -> 
     Raises:
         InvalidShapeError: if they do not span a volume.
     """
-    hull, box = convex_hull(vertices), box_around(vertices)
+    hull = convex_hull(vertices)
+    box = box_around(vertices)
     count = round(DENSITY * (degree + 1))
     u = (1 - np.cos((np.arange(count) + 0.5) * np.pi / count)) / 2  # (m,)
     grid = np.stack(np.meshgrid(u, u, u, indexing="ij"), axis=-1)  # (m, m, m, 3)
@@ -92,11 +100,15 @@ def spread_points(box: Box, count: int, rng: np.random.Generator) -> np.ndarray:
     return box.centre + rng.uniform(-1, 1, (count, 3)) * half
 
 
-def _errors(hull: Hull, box: Box, weights: np.ndarray, threads: int | None) -> tuple[float, dict[str, float]]:
+def _errors(
+    hull: Hull, box: Box, weights: np.ndarray, threads: int | None
+) -> tuple[float, dict[str, float]]:
     """Slack, m, and mean errors of a fit, m."""
     points = spread_points(box, TESTS, np.random.default_rng(0))
     true = exact_distance(hull, points, threads)
     x, y, z = bernstein(len(weights) - 1, box.to_unit(points).T)
     error = np.abs(contract(weights, (x, y, z)) - true)
     shell = {"outside": (true > 0) & (true <= SHELL), "inside": true <= 0}
-    return SAFETY * float(error.max()), {side: float(error[rows].mean()) for side, rows in shell.items()}
+    return SAFETY * float(error.max()), {
+        side: float(error[rows].mean()) for side, rows in shell.items()
+    }

@@ -1,8 +1,8 @@
 """The robot distance field of many points, compiled: Bernstein polynomials, one box per body.
 
 A body's polynomial lives on its box: u = 1/2 + asinh((x - c) / w) / (2 e) per axis runs from 0 to 1
-and is steep at the body, so that a low degree resolves its edges. Beyond the box the distance to the
-box is added to the value at its nearest point. A distance is taken to be at least
+and is steep at the body, so that a low degree resolves its edges. Beyond the box the distance to
+the box is added to the value at its nearest point. A distance is taken to be at least
 that to the body's bounding box minus `slack`, which is twice the largest error of the fit on many
 points. Bodies are asked in the order of that bound, until it exceeds the least distance.
 """
@@ -48,7 +48,12 @@ def make_rdf_scratch(rdf):
     """Working memory for one thread, for a `PackedRdf`."""
     n, bodies = rdf.weights.shape[1], rdf.body.shape[0]
     return RdfScratch(
-        np.empty((2, n * n)), np.empty((3, n)), np.empty((3, n)), np.empty((3, n)), np.empty((2, n)), np.empty(bodies)
+        np.empty((2, n * n)),
+        np.empty((3, n)),
+        np.empty((3, n)),
+        np.empty((3, n)),
+        np.empty((2, n)),
+        np.empty(bodies),
     )
 
 
@@ -66,7 +71,11 @@ def _to_body(frames, b, p):
 @kernel
 def _box_distance(centre, half, p):
     """Signed distance from a point to a box."""
-    x, y, z = abs(p[0] - centre[0]) - half[0], abs(p[1] - centre[1]) - half[1], abs(p[2] - centre[2]) - half[2]
+    x, y, z = (
+        abs(p[0] - centre[0]) - half[0],
+        abs(p[1] - centre[1]) - half[1],
+        abs(p[2] - centre[2]) - half[2],
+    )
     deepest = max(x, y, z)
     if deepest <= 0.0:
         return deepest
@@ -187,7 +196,13 @@ def shape_slope(rdf, s, p, scratch):
     e_x, u_x = _fill_basis(rdf, s, 0, p[0], scratch, True)
     e_y, u_y = _fill_basis(rdf, s, 1, p[1], scratch, True)
     e_z, u_z = _fill_basis(rdf, s, 2, p[2], scratch, True)
-    n, panel, rows, basis, slope = rdf.weights.shape[1], scratch.panel, scratch.rows, scratch.basis, scratch.slope
+    n, panel, rows, basis, slope = (
+        rdf.weights.shape[1],
+        scratch.panel,
+        scratch.rows,
+        scratch.basis,
+        scratch.slope,
+    )
     weights = rdf.weights[s].reshape(n, n * n)
     _along_x_twice(weights, basis[0], slope[0], panel[0], panel[1])
     _along_y(panel[0], basis[1], rows[0])
@@ -205,7 +220,10 @@ def _fill_bounds(rdf, frames, p, bound):
     """Lower bounds of the distances to the bodies, m."""
     for k in range(bound.shape[0]):
         s = rdf.shape[k]
-        bound[k] = _box_distance(rdf.centre[s], rdf.core[s], _to_body(frames, rdf.body[k], p)) - rdf.slack[s]
+        bound[k] = (
+            _box_distance(rdf.centre[s], rdf.core[s], _to_body(frames, rdf.body[k], p))
+            - rdf.slack[s]
+        )
 
 
 @kernel
@@ -224,7 +242,9 @@ def arm_distance(rdf, frames, p, scratch):
     best, k = np.inf, np.argmin(scratch.bound)
     while scratch.bound[k] < best:
         scratch.bound[k] = np.inf
-        best = min(best, shape_distance(rdf, rdf.shape[k], _to_body(frames, rdf.body[k], p), scratch))
+        best = min(
+            best, shape_distance(rdf, rdf.shape[k], _to_body(frames, rdf.body[k], p), scratch)
+        )
         k = np.argmin(scratch.bound)
     return best
 
@@ -237,7 +257,8 @@ def arm_slope(rdf, frames, p, scratch):
         rdf, frames, p, scratch: as in `arm_distance`.
 
     Returns:
-        (d, k, (n_x, n_y, n_z)): the distance, m, the row of the nearest body in `rdf.body`, and the gradient.
+        (d, k, (n_x, n_y, n_z)): the distance, m, the row of the nearest body in `rdf.body`, and the
+        gradient.
     """
     _fill_bounds(rdf, frames, p, scratch.bound)
     k = np.argmin(scratch.bound)
@@ -296,4 +317,6 @@ def answer_rdf(lo, hi, rdf, level, frames, points, out):
                 distance[row, i], k, n = arm_slope(rdf, frames[row], p, scratch)
                 in_p[row, i, 0], in_p[row, i, 1], in_p[row, i, 2] = n
                 for j in range(7):
-                    in_q[row, i, j] = joint_slope(frames[row], j, p, n) if j < rdf.joints[k] else 0.0
+                    in_q[row, i, j] = (
+                        joint_slope(frames[row], j, p, n) if j < rdf.joints[k] else 0.0
+                    )

@@ -12,11 +12,15 @@ import numpy as np
 from piec_envs.world.robots.panda import BODIES, body_frames, mesh_of
 
 MARGIN = 0.21  # m, from the body's bounding box to that of its polynomial
-STEEP, LEAST_WIDTH = 0.4, 0.008  # width of the steep part of u: share of the body's half extent, least m
+# width of the steep part of u: share of the body's half extent, least m
+STEEP = 0.4
+LEAST_WIDTH = 0.008
 
 
 class Box(NamedTuple):
-    """The domain of a polynomial, and its coordinate u = 1/2 + asinh((x - centre) / width) / (2 extent)."""
+    """The domain of a polynomial, and its coordinate u = 1/2 + asinh((x - centre) / width) / (2
+    extent).
+    """
 
     centre: np.ndarray  # (3,) m
     half: np.ndarray  # (3,) m, half the edges
@@ -52,14 +56,18 @@ class FittedShape:
 
 def box_around(vertices: np.ndarray) -> Box:
     """The domain of the polynomial of a body with these vertices, shape (V, 3), m."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low = vertices.min(axis=0)
+    high = vertices.max(axis=0)
     core = (high - low) / 2
-    half, width = core + MARGIN, np.maximum(STEEP * core, LEAST_WIDTH)
+    half = core + MARGIN
+    width = np.maximum(STEEP * core, LEAST_WIDTH)
     return Box((low + high) / 2, half, core, width, np.arcsinh(half / width))
 
 
 def binomials(degree: int) -> np.ndarray:
-    """Factors of u^i (1 - u)^(n - i), and of those of degree n - 1 times n, shape (2, degree + 1)."""
+    """Factors of u^i (1 - u)^(n - i), and of those of degree n - 1 times n, shape (2,
+    degree + 1).
+    """
     lower = [degree * comb(degree - 1, i) for i in range(degree)]
     return np.array([[comb(degree, i) for i in range(degree + 1)], [*lower, 0]], dtype=float)
 
@@ -74,7 +82,8 @@ def bernstein(degree: int, u: np.ndarray) -> np.ndarray:
     Returns:
         Shape (..., degree + 1).
     """
-    i, u = np.arange(degree + 1), np.asarray(u, dtype=float)[..., None]
+    i = np.arange(degree + 1)
+    u = np.asarray(u, dtype=float)[..., None]
     return binomials(degree)[0] * u**i * (1 - u) ** (degree - i)
 
 
@@ -103,7 +112,8 @@ def contract(weights: np.ndarray, factors: Sequence[np.ndarray]) -> np.ndarray:
         Shape (B,), in the unit of the weights.
     """
     x, y, z = factors
-    panel = (x @ weights.reshape(len(weights), -1)).reshape(-1, *weights.shape[1:])  # (B, n + 1, n + 1)
+    # (B, n + 1, n + 1)
+    panel = (x @ weights.reshape(len(weights), -1)).reshape(-1, *weights.shape[1:])
     return (np.einsum("bj,bjk->bk", y, panel) * z).sum(axis=1)
 
 
@@ -116,16 +126,22 @@ def evaluate(weights: np.ndarray, box: Box, points: np.ndarray) -> tuple[np.ndar
         points: shape (B, 3), m.
 
     Returns:
-        (d, dd_dp), shapes (B,) and (B, 3): the polynomial at the nearest point of the box plus the way there.
+        (d, dd_dp), shapes (B,) and (B, 3): the polynomial at the nearest point of the box plus the
+        way there.
     """
-    inner, degree = np.clip(points, box.centre - box.half, box.centre + box.half), len(weights) - 1
+    inner = np.clip(points, box.centre - box.half, box.centre + box.half)
+    degree = len(weights) - 1
     way = points - inner  # (B, 3)
     beyond = np.linalg.norm(way, axis=1)  # (B,)
     u = box.to_unit(inner)
     du_dx = 0.5 / (box.extent * np.hypot(inner - box.centre, box.width))  # (B, 3)
-    basis, slope = ([f(degree, u[:, axis]) for axis in range(3)] for f in (bernstein, bernstein_slope))
+    basis, slope = (
+        [f(degree, u[:, axis]) for axis in range(3)] for f in (bernstein, bernstein_slope)
+    )
     value = contract(weights, basis)
-    rise = [contract(weights, [*basis[:axis], slope[axis], *basis[axis + 1 :]]) for axis in range(3)]
+    rise = [
+        contract(weights, [*basis[:axis], slope[axis], *basis[axis + 1 :]]) for axis in range(3)
+    ]
     out = way / np.maximum(beyond, 1e-300)[:, None]
     return value + beyond, np.where(way == 0, np.stack(rise, axis=-1) * du_dx, out)
 
@@ -133,7 +149,8 @@ def evaluate(weights: np.ndarray, box: Box, points: np.ndarray) -> tuple[np.ndar
 def arm_reference(
     shapes: Mapping[str, FittedShape], bodies: Sequence[str], points: np.ndarray, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance of points in space to the arm in one posture: the least over all bodies, and its gradients.
+    """Distance of points in space to the arm in one posture: the least over all bodies, and its
+    gradients.
 
     Args:
         shapes: by the names of the bodies' meshes.
@@ -144,16 +161,21 @@ def arm_reference(
     Returns:
         (d, dd_dp, dd_dq), shapes (k,), (k, 3) and (k, 7), m and rad.
     """
-    frames, found = body_frames(q), []
+    frames = body_frames(q)
+    found = []
     for body in bodies:
-        pose, shape = frames[BODIES.index(body)], shapes[mesh_of(body)]
+        pose = frames[BODIES.index(body)]
+        shape = shapes[mesh_of(body)]
         d, local = evaluate(shape.weights, shape.box, (points - pose[:3, 3]) @ pose[:3, :3])
         n = local @ pose[:3, :3].T  # (k, 3)
         turn = np.zeros((len(points), 7))
-        for j in range(min(BODIES.index(body), 7)):  # the body turns about the joint's axis, under the point
-            axis, origin = frames[j + 1, :3, 2], frames[j + 1, :3, 3]
+        # the body turns about the joint's axis, under the point
+        for j in range(min(BODIES.index(body), 7)):
+            axis = frames[j + 1, :3, 2]
+            origin = frames[j + 1, :3, 3]
             turn[:, j] = -(n * np.cross(axis, points - origin)).sum(axis=1)
         found.append((d, n, turn))
     d, n, turn = (np.stack(arrays) for arrays in zip(*found, strict=True))
-    nearest, rows = d.argmin(axis=0), np.arange(len(points))
+    nearest = d.argmin(axis=0)
+    rows = np.arange(len(points))
     return d[nearest, rows], n[nearest, rows], turn[nearest, rows]

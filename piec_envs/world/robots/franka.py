@@ -1,10 +1,10 @@
 """The Franka Panda as a planar arm: joints 1, 4 and 6 turn about vertical axes (paper, section 7).
 
-It stands still or on a base that slides, can touch the object with some of its parts or with all, and has
-the shapes of its meshes or capsules: `FRANKAS` has a row for each combination.
+It stands still or on a base that slides, can touch the object with some of its parts or with all,
+and has the shapes of its meshes or capsules: `FRANKAS` has a row for each combination.
 
-With q2 at 90 degrees, q3 at -90 and q5 at 0 these axes are vertical and all links lie about the plane at
-z = 0.333 m. With q7 at 45 degrees the hand stands upright and is thin in that plane.
+With q2 at 90 degrees, q3 at -90 and q5 at 0 these axes are vertical and all links lie about the
+plane at z = 0.333 m. With q7 at 45 degrees the hand stands upright and is thin in that plane.
 """
 
 from __future__ import annotations
@@ -34,15 +34,23 @@ from piec_envs.world.sections import cross_section
 from piec_envs.world.shapes import RoundedPolygon, capsule, disc
 
 ACTIVE = (0, 3, 5)  # of the seven joints
-POSTURE = np.array([0.0, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0, np.pi / 4])  # the others stay there, rad
+# the others stay there, rad
+POSTURE = np.array([0.0, np.pi / 2, -np.pi / 2, 0.0, 0.0, 0.0, np.pi / 4])
 PLANE = float(DH[0, 2])  # m, height of the plane
 REACH_UP = 0.15  # m above and below the plane: half the height of the tallest object
 RADIUS = 1.0  # m, of the workspace
 HOME = np.array([0.0, -0.47, 2.95])  # rad, straight
 GRIP = 0.0538  # m, length of the fingers
 POINT_RADIUS = 0.03  # m, of the sphere at the fingertips
-CAPSULE_RADII = {"link 2": 0.06, "link 3": 0.06, "link 4": 0.06, "link 5": 0.055, "link 6": 0.055,
-                 "link 7": 0.045, "hand": 0.032}  # fmt: skip
+CAPSULE_RADII = {
+    "link 2": 0.06,
+    "link 3": 0.06,
+    "link 4": 0.06,
+    "link 5": 0.055,
+    "link 6": 0.055,
+    "link 7": 0.045,
+    "hand": 0.032,
+}
 
 # Links in the plane: which bodies they are, and after how many of the turning joints.
 LINKS: Mapping[str, tuple[tuple[str, ...], int]] = {
@@ -56,7 +64,11 @@ LINKS: Mapping[str, tuple[tuple[str, ...], int]] = {
 FRANKA_BASES = {"fixed": "franka", "mobile": "mobile_franka"}
 FRANKA_GEOMETRIES = {"meshes": "", "capsules": "_capsules"}
 # What can touch the object: these links, all, or a sphere at the fingertips in place of any.
-FRANKA_CONTACTS: Mapping[str, tuple[str, ...]] = {"whole_arm": (), "link": ("link 7", "hand", "fingers"), "point": ()}
+FRANKA_CONTACTS: Mapping[str, tuple[str, ...]] = {
+    "whole_arm": (),
+    "link": ("link 7", "hand", "fingers"),
+    "point": (),
+}
 SLIDE = Joint(
     name="x",
     origin=(0.0, 0.0, 0.0),
@@ -73,22 +85,27 @@ SLIDE = Joint(
 
 
 def all_joints(q_r: np.ndarray) -> np.ndarray:
-    """The seven joints of a planar posture (..., n), whose last three are the active ones, shape (..., 7), rad."""
+    """The seven joints of a planar posture (..., n), whose last three are the active ones, shape
+    (..., 7), rad.
+    """
     q = np.broadcast_to(POSTURE, (*np.shape(q_r)[:-1], 7)).copy()
     q[..., ACTIVE] = np.asarray(q_r)[..., -len(ACTIVE) :]
     return q
 
 
 def planar_frames() -> np.ndarray:
-    """Poses in the plane of the base and of the frames after each joint, all at 0, shape (4, 4, 4), m.
+    """Poses in the plane of the base and of the frames after each joint, all at 0, shape (4, 4, 4),
+    m.
 
-    Each has z upwards and x along that of its Denavit-Hartenberg frame, whose z may point downwards.
+    Each has z upwards and x along that of its Denavit-Hartenberg frame, whose z may point
+    downwards.
     """
     frames = [np.eye(4)]
     frames[0][2, 3] = PLANE
     for body in (1, 4, 6):
         pose = body_frames(POSTURE)[body]
-        x, z = pose[:3, 0], np.array([0.0, 0.0, 1.0])
+        x = pose[:3, 0]
+        z = np.array([0.0, 0.0, 1.0])
         frames.append(np.eye(4))
         frames[-1][:3, :3] = np.column_stack([x, np.cross(z, x), z])
         frames[-1][:3, 3] = pose[:3, 3]
@@ -98,7 +115,8 @@ def planar_frames() -> np.ndarray:
 @cache
 def _joints() -> tuple[Joint, ...]:
     """Joints 1, 4 and 6 in the plane."""
-    frames, bodies = planar_frames(), body_frames(POSTURE)
+    frames = planar_frames()
+    bodies = body_frames(POSTURE)
     joints = []
     for j, active in enumerate(ACTIVE):
         relative = np.linalg.inv(frames[j]) @ frames[j + 1]
@@ -127,7 +145,8 @@ def franka(base: str = "fixed", contact: str = "whole_arm", geometry: str = "mes
 
     Args:
         base: "fixed" or "mobile": a base that slides along x and y and takes part in no contact.
-        contact: "whole_arm", "link" (the last link and the gripper) or "point" (a sphere at the fingertips).
+        contact: "whole_arm", "link" (the last link and the gripper) or "point" (a sphere at the
+            fingertips).
         geometry: "meshes", the cross-sections of its collision meshes, or "capsules".
 
     Returns:
@@ -138,14 +157,18 @@ def franka(base: str = "fixed", contact: str = "whole_arm", geometry: str = "mes
         MissingDependencyError: if the package that brings the meshes is not installed.
         MeshError: if a mesh is not the expected one.
     """
-    name, whole = franka_name(base, contact, geometry), franka_name(base, "whole_arm", geometry)
+    name = franka_name(base, contact, geometry)
+    whole = franka_name(base, "whole_arm", geometry)
     slides = (SLIDE, replace(SLIDE, name="y", axis=(0.0, 1.0, 0.0))) if base == "mobile" else ()
     links, scenery = _meshes() if geometry == "meshes" else _capsules()
     if contact != "whole_arm":
         scenery += tuple(link for link in links if link.name not in FRANKA_CONTACTS[contact])
-        links = tuple(link for link in links if link.name in FRANKA_CONTACTS[contact]) or (_fingertips(),)
+        links = tuple(link for link in links if link.name in FRANKA_CONTACTS[contact]) or (
+            _fingertips(),
+        )
     links, scenery = (
-        tuple(replace(link, frame=link.frame + len(slides)) for link in part) for part in (links, scenery)
+        tuple(replace(link, frame=link.frame + len(slides)) for link in part)
+        for part in (links, scenery)
     )
     return Robot(
         name=name,
@@ -177,7 +200,11 @@ def franka_name(base: str, contact: str, geometry: str) -> str:
         ("geometry", geometry, FRANKA_GEOMETRIES),
     ):
         check_name(kind, word, known)
-    return FRANKA_BASES[base] + ("" if contact == "whole_arm" else f"_{contact}") + FRANKA_GEOMETRIES[geometry]
+    return (
+        FRANKA_BASES[base]
+        + ("" if contact == "whole_arm" else f"_{contact}")
+        + FRANKA_GEOMETRIES[geometry]
+    )
 
 
 FRANKAS: dict[str, Callable[[], Robot]] = {
@@ -205,18 +232,25 @@ def _solid(body: str, frame: int) -> np.ndarray:
 
 @cache
 def _capsules() -> tuple[tuple[Link, ...], tuple[Link, ...]]:
-    """The links as capsules along the Denavit-Hartenberg frames, which needs no mesh; there is no foot."""
+    """The links as capsules along the Denavit-Hartenberg frames, which needs no mesh; there is no
+    foot.
+    """
     frames = planar_frames()
     links = []
     for name, (start, end, frame) in _axes().items():
         a, b = (np.linalg.inv(frames[frame]) @ np.append(point, 1.0) for point in (start, end))
-        links.append(Link(name, frame, (capsule(np.round(a[:2], 9), np.round(b[:2], 9), CAPSULE_RADII[name]),)))
+        links.append(
+            Link(
+                name, frame, (capsule(np.round(a[:2], 9), np.round(b[:2], 9), CAPSULE_RADII[name]),)
+            )
+        )
     return tuple(links), ()
 
 
 def _fingertips() -> Link:
     """The sphere between the fingertips."""
-    last, frame = body_frames(POSTURE)[7], len(ACTIVE)
+    last = body_frames(POSTURE)[7]
+    frame = len(ACTIVE)
     tip = last[:3, 3] + (FLANGE + FINGERS + GRIP) * last[:3, 2]
     x, y = np.round((np.linalg.inv(planar_frames()[frame]) @ np.append(tip, 1.0))[:2], 9)
     return Link("point", frame, (disc(POINT_RADIUS, (x, y)),))
@@ -225,7 +259,8 @@ def _fingertips() -> Link:
 def _axes() -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
     """Segments along the arm in space, and the planar frame that each is fixed in."""
     bodies = body_frames(POSTURE)
-    origins, last = bodies[:, :3, 3], bodies[7]
+    origins = bodies[:, :3, 3]
+    last = bodies[7]
     flange = origins[7] + FLANGE * last[:3, 2]
     elbow = origins[4] + DH[4, 0] * bodies[4, :3, 0]
     return {

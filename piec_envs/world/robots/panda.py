@@ -1,7 +1,8 @@
-"""The Franka Panda in space: its kinematics, limits, and the collision meshes of an installed package.
+"""The Franka Panda in space: its kinematics, limits, and the collision meshes of an installed
+package.
 
-No mesh is kept here. They are read, and checked by their hash, from where `gymnasium_robotics` keeps
-them; that package is not imported, and its own frames are not used.
+No mesh is kept here. They are read, and checked by their hash, from where `gymnasium_robotics`
+keeps them; that package is not imported, and its own frames are not used.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 
 from piec_envs.errors import MeshError, MissingDependencyError, check_name
 
-PACKAGE, EXTRA = "gymnasium_robotics", "franka"
+PACKAGE = "gymnasium_robotics"
+EXTRA = "franka"
 WITHOUT = "take capsules: geometry='capsules', the robot 'franka_capsules'"
 FOLDER = Path("envs/assets/kitchen_franka/franka_assets/meshes/collision")
 SHA_256 = {  # first 16 hex digits
@@ -31,7 +33,8 @@ SHA_256 = {  # first 16 hex digits
     "finger": "2d07a740392f3b9b",
 }
 
-# Denavit-Hartenberg constants in Craig's convention, as published by the maker: a_(i-1), alpha_(i-1), d_i.
+# Denavit-Hartenberg constants in Craig's convention, as published by the maker: a_(i-1),
+# alpha_(i-1), d_i.
 DH = np.array(
     [
         (0.0, 0.0, 0.333),
@@ -65,8 +68,12 @@ def mesh_of(body: str) -> str:
 
 def _transform(a, alpha, d, theta) -> np.ndarray:
     """RotX(alpha) TransX(a) RotZ(theta) TransZ(d), shape (..., 4, 4), for theta of shape (...)."""
-    c, s, c_a, s_a = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
-    one, zero = np.ones_like(c), np.zeros_like(c)
+    c = np.cos(theta)
+    s = np.sin(theta)
+    c_a = np.cos(alpha)
+    s_a = np.sin(alpha)
+    one = np.ones_like(c)
+    zero = np.zeros_like(c)
     rows = (
         (c, -s, zero, a * one),
         (s * c_a, c * c_a, -s_a * one, -d * s_a * one),
@@ -130,7 +137,8 @@ def mesh_vertices(body: str) -> np.ndarray:
     found = hashlib.sha256(data).hexdigest()[:16]
     if found != SHA_256[name]:
         raise MeshError(
-            f"the mesh {name!r} in {path} is not the expected one: its SHA-256 begins with {found}, "
+            f"the mesh {name!r} in {path} is not the expected one: its SHA-256 begins with "
+            f"{found}, "
             f"not with {SHA_256[name]}; install another version of {PACKAGE!r}"
         )
     return _read_stl(data)
@@ -139,5 +147,6 @@ def mesh_vertices(body: str) -> np.ndarray:
 def _read_stl(data: bytes) -> np.ndarray:
     """The different corners of a binary STL file, shape (V, 3)."""
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
-    corners = np.frombuffer(data, layout, offset=84)["corners"].reshape(-1, 3).astype(float)  # (3 F, 3)
+    # (3 F, 3)
+    corners = np.frombuffer(data, layout, offset=84)["corners"].reshape(-1, 3).astype(float)
     return np.unique(corners, axis=0)

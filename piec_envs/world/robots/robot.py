@@ -19,8 +19,8 @@ class Link:
         frame: the frame it is fixed in; 0 is the base, j the frame after the j-th joint.
         shapes: its geometry in that frame.
         mass: kg.
-        solids: what it is in space, where that is not its shapes given a height: corners of convex bodies
-            in that frame, z from the plane in which the robot moves, shape (V, 3) each, m.
+        solids: what it is in space, where that is not its shapes given a height: corners of convex
+            bodies in that frame, z from the plane in which the robot moves, shape (V, 3) each, m.
     """
 
     name: str
@@ -42,7 +42,8 @@ class Joint:
         upper: largest position, rad or m.
         speed_limit: largest commanded speed, rad/s or m/s.
         max_lead: largest distance of the command ahead of the joint, rad or m.
-        stiffness: K of the paper's eq. 11, Nm/rad or N/m; second-order dynamics take it for a spring.
+        stiffness: K of the paper's eq. 11, Nm/rad or N/m; second-order dynamics take it for a
+            spring.
         damping: of the controller under second-order dynamics, Nm s/rad or N s/m.
         armature: inertia of the drive, kg m^2 or kg.
         effort: largest torque or force of the drive, Nm or N.
@@ -71,7 +72,8 @@ class Robot:
         links: the parts that can touch the object.
         home: the configuration of a fresh episode, shape (n,), rad or m.
         workspace_radius: radius of the escape disc around the base, m.
-        scenery: parts that touch nothing and are only drawn; one without shapes is not drawn in the plane.
+        scenery: parts that touch nothing and are only drawn; one without shapes is not drawn in the
+            plane.
         geometry_source: where its shapes come from, for records.
         whole: row of the same robot with all its parts as links, where this one has some of them as
             scenery; "" is this row itself.
@@ -104,28 +106,37 @@ class Robot:
     @property
     def tip(self) -> np.ndarray:
         """Vertex of the last frame's shapes that is farthest from that frame, shape (2,), m."""
-        corners = np.concatenate([s.vertices for link in self.links if link.frame == self.dof for s in link.shapes])
+        corners = np.concatenate(
+            [s.vertices for link in self.links if link.frame == self.dof for s in link.shapes]
+        )
         return corners[int(np.argmax(np.hypot(*corners.T)))].astype(float)
 
     @property
     def straight(self) -> np.ndarray:
-        """Where each turning joint but the first lines up the segments before and after it, 0 elsewhere, shape (n,).
+        """Where each turning joint but the first lines up the segments before and after it, 0
+        elsewhere, shape (n,).
 
-        Segments go from joint to joint and on to the tip; of equal angles the one nearest to the middle of
-        the limits is taken.
+        Segments go from joint to joint and on to the tip; of equal angles the one nearest to the
+        middle of the limits is taken.
         """
         straight = np.zeros(self.dof)
         for j in range(self.base_dof + 1, self.dof):
             joint = self.joints[j]
             after = self.joints[j + 1].origin[:2] if j + 1 < self.dof else self.tip
-            bend = joint.origin[2] + np.arctan2(after[1], after[0]) - np.arctan2(joint.origin[1], joint.origin[0])
+            bend = (
+                joint.origin[2]
+                + np.arctan2(after[1], after[0])
+                - np.arctan2(joint.origin[1], joint.origin[0])
+            )
             aligned = -bend / joint.axis[2]
             middle = (joint.lower + joint.upper) / 2
             straight[j] = aligned + 2 * np.pi * np.round((middle - aligned) / (2 * np.pi))
         return straight
 
     def curl_sides(self, least: float) -> tuple[float, ...]:
-        """The sides, 1 (left) or -1, to which all turning joints but the first can bend by `least`, rad."""
+        """The sides, 1 (left) or -1, to which all turning joints but the first can bend by `least`,
+        rad.
+        """
         turning = range(self.base_dof + 1, self.dof)
         room = {
             1.0: [self.joints[j].upper - self.straight[j] for j in turning],
@@ -135,10 +146,14 @@ class Robot:
 
     @property
     def half_width(self) -> float:
-        """Largest distance of a link's surface from its axis, frame origin to frame origin or tip, m."""
+        """Largest distance of a link's surface from its axis, frame origin to frame origin or tip,
+        m.
+        """
         widest = 0.0
         for link in self.links:
-            end = np.array(self.joints[link.frame].origin[:2]) if link.frame < self.dof else self.tip
+            end = (
+                np.array(self.joints[link.frame].origin[:2]) if link.frame < self.dof else self.tip
+            )
             for shape in link.shapes:
                 t = np.clip(shape.vertices @ end / max(float(end @ end), 1e-12), 0.0, 1.0)
                 off = np.hypot(*(shape.vertices - t[:, None] * end).T)
