@@ -32,7 +32,7 @@ PENDING = {f"{folder}/{name}.py" for folder, names in _PENDING.items() for name 
 
 ENOUGH = 2  # arguments, from which on a function has sections
 SECTIONS = {"Args", "Returns", "Yields", "Raises"}
-ENTRY = re.compile(r" {4}(\*{0,2}\w+(?:(?:, | and )\*{0,2}\w+)*): ")
+ENTRY = re.compile(r" {4}(\*{0,2}\w+(?:(?:, | and )\*{0,2}\w+)*):(?: |$)")
 # What says how an array is laid out: its shape, or that it is another's, which is documented.
 LAYOUT = re.compile(r"\bshapes?\b|\bnumbers\b|\b(?:as|as in|of|from|an?|the|see) `")
 SEE = re.compile(r"\bsee `([\w.]+)\.(\w+)`")
@@ -195,13 +195,19 @@ def own_fields(node: ast.ClassDef) -> dict[str, ast.AnnAssign]:
     return {name: f for name, f in fields.items() if not NO_ARGUMENT.search(ast.unparse(f))}
 
 
+def has_comment(field: ast.AnnAssign, lines: list[str]) -> bool:
+    """Whether a field has a comment on its line or, too long for that, above it."""
+    last = (field.end_lineno or 0) - 1
+    return "  # " in lines[last] or lines[field.lineno - 2].lstrip().startswith("# ")
+
+
 def class_faults(item: Public, lines: list[str]) -> Iterator[str]:
     """What the docstring of a class lacks of its fields, or of what `__init__` takes and raises."""
     found = sections(item.docstring)
     text = entries(found.get("Args", []))
     fields = own_fields(item.node)
     if "NamedTuple" in map(ast.unparse, item.node.bases):
-        commented = {name for name, f in fields.items() if "  # " in lines[(f.end_lineno or 0) - 1]}
+        commented = {name for name, field in fields.items() if has_comment(field, lines)}
         yield from argument_faults([name for name in fields if name not in commented], set(), text)
     elif "dataclass" in decorators(item.node):
         shaped = {name for name, f in fields.items() if ast.unparse(f.annotation) in ARRAYS}
@@ -290,6 +296,7 @@ class Child(Base):
         (GOOD.replace("Returns:", "Result:"), "no Returns section"),
         (GOOD.replace("        ValueError:", "        KeyError:"), "does not name ValueError"),
         (PAIR.format("  # s"), ""),
+        (PAIR.format("").replace("    a:", "    # s\n    a:"), ""),
         (PAIR.format(""), "does not name a"),
         (SEEN.format("Base"), ""),
         (SEEN.format("Other"), "does not name a"),
