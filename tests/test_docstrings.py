@@ -25,7 +25,6 @@ _PENDING = {
     "piec_envs/env": "cage episodes info single vector",
     "piec_envs/geometry": "body kinematics polygon",
     "piec_envs/model": "kernels model rollout start_postures state terms",
-    "piec_envs/rendering": "drawing",  # would get too long, as the two below
     "evaluation/studies": "contact_methods franka_caging",
 }
 PENDING = {f"{folder}/{name}.py" for folder, names in _PENDING.items() for name in names.split()}

@@ -27,7 +27,8 @@ from piec_envs.escape.field import (
 )
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import PATH, cased_line, escape_line, rim
+from piec_envs.rendering.colours import PATH
+from piec_envs.rendering.paths import cased_line, escape_line, rim
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import get_robot
 
