@@ -29,7 +29,7 @@ from piec_envs import (
 )
 from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
-from planners.configuration import enclosing_posture
+from planners.cma_es_configuration import enclosing_posture
 from planners.interrupted import PlanningInterrupted
 from planners.objectives import DIVERGENCE_WEIGHT, Objective, PathCost, get_objective
 from planners.strategy import NOISE_STREAM, make_strategy

@@ -20,7 +20,8 @@ from piec_envs import (
     as_count,
     as_floats,
 )
-from planners.configuration import Configuration, Incumbent, Start
+from planners.configuration import Configuration, Incumbent
+from planners.posture_starts import Start
 
 OSQP_OPTIONS = {"verbose": False, "eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 4000}
 SOLVED = (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE)
