@@ -16,10 +16,11 @@ import pytest
 
 from evaluation import figures
 from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
-from evaluation.figures.base import MODES, bounds, mode_of
 from evaluation.figures.mismatch import end_box
+from evaluation.figures.modes import MODES, mode_of
 from evaluation.figures.scenes import keyframe_steps
 from evaluation.figures.strip import strip_steps
+from evaluation.figures.trajectory import bounds
 from evaluation.metrics import Interval
 from evaluation.studies.annulus import Annulus
 from evaluation.studies.contact_methods import METHODS

@@ -14,7 +14,8 @@ import pytest
 from evaluation import evaluate, figures
 from evaluation.figures import space, tracking, transfer
 from evaluation.figures.animation import _few_colours, rollout_frames
-from evaluation.figures.base import mix, mode_of
+from evaluation.figures.base import mix
+from evaluation.figures.modes import mode_of
 from evaluation.figures.tracking import weight_colours
 from evaluation.studies.common import Case
 from evaluation.studies.pictures import trajectory, watched
