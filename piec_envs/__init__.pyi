@@ -66,7 +66,6 @@ from .dynamics.plant import PlantParams as PlantParams
 from .model.state import State as State
 
 # Static caging: a problem, and postures that solve it
-from .model.caging_problem import FEASIBLE as FEASIBLE
 from .model.caging_problem import CagingProblem as CagingProblem
 from .model.caging_problem import Postures as Postures
 
@@ -80,10 +79,8 @@ from .dynamics.by_row import DYNAMICS as DYNAMICS
 from .dynamics.by_row import Backend as Backend
 from .dynamics.quasi_dynamic import SOLVERS as SOLVERS
 from .dynamics.quasi_dynamic import QuasiDynamics as QuasiDynamics
-from .dynamics.mujoco_ import ENGINE_STEPS as ENGINE_STEPS
 from .dynamics.mujoco_ import MujocoDynamics as MujocoDynamics
 from .dynamics.mjcf import mujoco_model as mujoco_model
-from .dynamics.free_bodies import places_of as places_of
 
 # Kinematics and distances
 from .geometry.batched import object_distances as object_distances
@@ -114,7 +111,6 @@ from .escape.speed import SpeedModel as SpeedModel
 from .escape.table import TableField as TableField
 
 # Random configurations and points on which fields are trained and judged
-from .escape.samples import CURL as CURL
 from .escape.samples import draw_configurations as draw_configurations
 from .escape.samples import draw_points as draw_points
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from piec_envs import (
-    CURL,
     CagingProblem,
     InvalidParameterError,
     InvalidStateError,
@@ -68,7 +67,7 @@ def draw_postures(
     q = rng.uniform(problem.lower, problem.upper, (rows, len(problem.lower)))
     if kind != "uniform":
         robot = get_robot(problem.robot)
-        sides = robot.curl_sides(CURL[0])
+        sides = robot.curl_sides()
         side = {"left": 1.0, "right": -1.0}.get(kind, rng.choice(sides, (rows, 1)))
         if np.ndim(side) == 0 and side not in sides:
             raise InvalidParameterError(
