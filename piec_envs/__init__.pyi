@@ -96,13 +96,13 @@ from .escape.samples import robot_distance as robot_distance
 from .escape.field import CAGING_SCALE as CAGING_SCALE
 from .escape.field import FIELDS as FIELDS
 from .escape.field import REDUCTIONS as REDUCTIONS
-from .escape.field import EscapeField as EscapeField
+from .escape.protocol import EscapeField as EscapeField
 from .escape.field import choose_field as choose_field
 from .escape.field import key_points_world as key_points_world
 from .escape.field import make_field as make_field
 from .escape.field import object_escape_time as object_escape_time
 from .escape.base import BatchedField as BatchedField
-from .escape.base import FieldMap as FieldMap
+from .escape.protocol import FieldMap as FieldMap
 from .escape.grid import GridField as GridField
 from .escape.network import NetworkField as NetworkField
 from .escape.obstacle import ObstacleField as ObstacleField
