@@ -11,11 +11,15 @@ from importlib.util import find_spec
 import numpy as np
 
 from evaluation.field_sets import least_time
-from piec_envs.escape import GridField, SpeedModel
-from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
-from piec_envs.geometry.kinematics import link_frames, place_shapes
-from piec_envs.world.packed import pack_scene
-from piec_envs.world.robots import get_robot
+from piec_envs import (
+    GridField,
+    SpeedModel,
+    draw_configurations,
+    draw_points,
+    get_robot,
+    robot_distance,
+    robot_vertices,
+)
 
 ROBOT = "planar_arm"
 FINE = 560
@@ -146,14 +150,11 @@ def pressed_points(rows: int, seed: int = 0, reach: float = 1.0) -> tuple[np.nda
     """Points at 0.075 and 0.1 m straight above a link of a nearly straight arm, (rows, 2, 2), and
     its q.
     """
-    rng, scene = np.random.default_rng(seed), pack_scene(ROBOT, "circle")
+    rng = np.random.default_rng(seed)
     chosen, configurations = [], []
     while len(chosen) < rows:
         q = np.concatenate([rng.uniform(-np.pi, np.pi, 1), rng.uniform(-0.5, 0.5, 3)])
-        frames, vertices = np.empty((len(q) + 1, 4)), np.empty_like(scene.robot.vertices)
-        link_frames(scene, q, frames)
-        place_shapes(scene.robot, frames, vertices, np.empty_like(scene.robot.centre))
-        a, b = vertices[2 * rng.integers(3) :][:2]
+        a, b = robot_vertices(ROBOT, q)[2 * rng.integers(3) :][:2]
         along = (b - a) / np.linalg.norm(b - a)
         normal = rng.choice([-1, 1]) * np.array([-along[1], along[0]])
         foot = a + rng.uniform(0.2, 0.8) * (b - a)

@@ -10,9 +10,7 @@ import time
 
 import numpy as np
 
-from piec_envs.escape.grid import GridField
-from piec_envs.escape.samples import draw_configurations
-from piec_envs.world.robots import get_robot
+from piec_envs import GridField, draw_configurations, get_robot
 
 ROBOT = "planar_arm"
 RESOLUTIONS = (64, 100, 200)

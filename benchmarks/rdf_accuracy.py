@@ -10,10 +10,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from piec_envs.escape import GridField
-from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
+from piec_envs import (
+    GridField,
+    RobotDistanceField,
+    draw_configurations,
+    draw_points,
+    robot_distance,
+)
 from piec_envs.geometry.convex import convex_hull, hull_distances
-from piec_envs.geometry.rdf.field import DEGREE, MOVING, RobotDistanceField, mesh_of, pack_rdf
+from piec_envs.geometry.rdf.field import DEGREE, MOVING, mesh_of, pack_rdf
 from piec_envs.geometry.rdf.file import save_shapes
 from piec_envs.geometry.rdf.fit import SHELL, exact_distance, fit_shape
 from piec_envs.world.robots.franka import PLANE, all_joints

@@ -7,9 +7,24 @@ from __future__ import annotations
 import pickle
 import traceback
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from typing import Any
 
-from piec_envs import EngineError, provenance
+from piec_envs import EngineError, MissingDependencyError, provenance
+
+
+def need_package(package: str, extra: str) -> None:
+    """Refuse to go on without what an engine needs.
+
+    Args:
+        package: its name.
+        extra: of this suite, which brings it.
+
+    Raises:
+        MissingDependencyError: if it is not installed.
+    """
+    if find_spec(package) is None:
+        raise MissingDependencyError(package, extra, "use the engine 'local'")
 
 
 def installed() -> dict[str, str]:

@@ -66,7 +66,6 @@ from .dynamics.plant import PlantParams as PlantParams
 from .model.state import State as State
 
 # Static caging: a problem, and postures that solve it
-from .model.caging_problem import FEASIBLE as FEASIBLE
 from .model.caging_problem import CagingProblem as CagingProblem
 from .model.caging_problem import Postures as Postures
 
@@ -80,10 +79,8 @@ from .dynamics.by_row import DYNAMICS as DYNAMICS
 from .dynamics.by_row import Backend as Backend
 from .dynamics.quasi_dynamic import SOLVERS as SOLVERS
 from .dynamics.quasi_dynamic import QuasiDynamics as QuasiDynamics
-from .dynamics.mujoco_ import ENGINE_STEPS as ENGINE_STEPS
 from .dynamics.mujoco_ import MujocoDynamics as MujocoDynamics
 from .dynamics.mjcf import mujoco_model as mujoco_model
-from .dynamics.free_bodies import places_of as places_of
 
 # Kinematics and distances
 from .geometry.batched import object_distances as object_distances
@@ -99,13 +96,13 @@ from .escape.samples import robot_distance as robot_distance
 from .escape.field import CAGING_SCALE as CAGING_SCALE
 from .escape.field import FIELDS as FIELDS
 from .escape.field import REDUCTIONS as REDUCTIONS
-from .escape.field import EscapeField as EscapeField
+from .escape.protocol import EscapeField as EscapeField
 from .escape.field import choose_field as choose_field
 from .escape.field import key_points_world as key_points_world
 from .escape.field import make_field as make_field
 from .escape.field import object_escape_time as object_escape_time
 from .escape.base import BatchedField as BatchedField
-from .escape.base import FieldMap as FieldMap
+from .escape.protocol import FieldMap as FieldMap
 from .escape.grid import GridField as GridField
 from .escape.network import NetworkField as NetworkField
 from .escape.obstacle import ObstacleField as ObstacleField
@@ -114,7 +111,6 @@ from .escape.speed import SpeedModel as SpeedModel
 from .escape.table import TableField as TableField
 
 # Random configurations and points on which fields are trained and judged
-from .escape.samples import CURL as CURL
 from .escape.samples import draw_configurations as draw_configurations
 from .escape.samples import draw_points as draw_points
 

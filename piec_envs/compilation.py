@@ -18,7 +18,7 @@ PACKAGES = ("piec_envs", "planners", "evaluation")
 LEAST = 2.0  # s that a kernel takes by itself; less is not worth a word
 # What kernels take to compile, those that they call included, s on a core of a server of 2023.
 SECONDS = {
-    "piec_envs.dynamics.contact_step:rollout_rows": 30.0,
+    "piec_envs.dynamics.contact_rollout:rollout_rows": 30.0,
     "piec_envs.escape.inference:answer_rows": 11.0,
     "piec_envs.geometry.body:scene_distances": 4.0,
     "piec_envs.geometry.clearance:clearance_rows": 3.0,

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from planners.base import OpenLoopPolicy, Plan
     from planners.carry import RigidCarry
     from planners.cma_es import CmaEsPlanner
-    from planners.configuration import CmaEsConfiguration, Configuration
+    from planners.cma_es_configuration import CmaEsConfiguration
+    from planners.configuration import Configuration
     from planners.exhaustive import ExhaustiveConfiguration
     from planners.interrupted import PlanningInterrupted
     from planners.sqp import SqpConfiguration
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 _WHERE = {
     "CagingProblem": "piec_envs",
     "PLANNERS": "planners.table",
-    "CmaEsConfiguration": "planners.configuration",
+    "CmaEsConfiguration": "planners.cma_es_configuration",
     "CmaEsPlanner": "planners.cma_es",
     "Configuration": "planners.configuration",
     "ExhaustiveConfiguration": "planners.exhaustive",

@@ -14,7 +14,6 @@ import numpy as np
 from tqdm import tqdm
 
 from piec_envs import (
-    CURL,
     PRESETS,
     InvalidParameterError,
     Model,
@@ -29,7 +28,7 @@ from piec_envs import (
 )
 from planners.base import Plan, nominal_start, realised_plan
 from planners.carry import carried_base
-from planners.configuration import enclosing_posture
+from planners.cma_es_configuration import enclosing_posture
 from planners.interrupted import PlanningInterrupted
 from planners.objectives import DIVERGENCE_WEIGHT, Objective, PathCost, get_objective
 from planners.strategy import NOISE_STREAM, make_strategy
@@ -288,7 +287,7 @@ class _Search:
             return via
         escape = self.model.field or choose_field(self.planner.escape_field, self.model.robot.name)
         pose = np.append(self.model.task.goal, self.start.pose[0, 2])
-        sides = self.model.robot.curl_sides(CURL[0])[::-1]  # left first
+        sides = self.model.robot.curl_sides()[::-1]  # left first
         curl = sides[restart % len(sides)]
         posture = enclosing_posture(self.model.setup, escape, pose, (self.seed, restart), curl)
         return home + np.minimum(1.0, share[:, None] / self.planner.arrive) * (posture - home)

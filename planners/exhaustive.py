@@ -22,7 +22,8 @@ from piec_envs import (
     as_floats,
     get_robot,
 )
-from planners.configuration import CmaEsConfiguration, Configuration
+from planners.cma_es_configuration import CmaEsConfiguration
+from planners.configuration import Configuration
 
 LEAST_SPACING = 0.005  # rad, m
 CANDIDATES = 2**20  # postures at once, which bounds the memory

@@ -13,23 +13,24 @@ from scipy import sparse
 
 from piec_envs import (
     CAGING_SCALE,
-    FEASIBLE,
     CagingProblem,
     InvalidParameterError,
     Postures,
     as_count,
     as_floats,
 )
-from planners.configuration import Configuration, Incumbent, Start
+from planners.configuration import Configuration, Incumbent
+from planners.posture_starts import Start
 
 OSQP_OPTIONS = {"verbose": False, "eps_abs": 1e-6, "eps_rel": 1e-6, "max_iter": 4000}
 SOLVED = (osqp.SolverStatus.OSQP_SOLVED, osqp.SolverStatus.OSQP_SOLVED_INACCURATE)
 UNDONE = (1.0, 0.5, 0.25, 0.125)  # shares of an overlap that a step undoes, the first that it can
-BROKEN = 1e-3  # m; beyond this violation the step size shrinks ...
+KEPT = 1e-6  # m; while no violation is larger the step size grows ...
+GROW = 1.1  # ... by this factor, up to 1
+BROKEN = 1e-3  # m; beyond this violation it shrinks ...
 # ... by this factor, down to this
 SHRINK = 0.8
 LEAST_STEP = 0.1
-GROW = 1.1  # growth of the step size while no constraint is broken, up to 1
 
 
 class Linearised(NamedTuple):
@@ -189,8 +190,8 @@ def step_size(size: float, violation: float) -> float:
         violation: the most by which the posture breaks a constraint, m.
 
     Returns:
-        The size, shrunk by 0.8 above 1e-3 m, grown by 1.1 below `FEASIBLE`, else as it is.
+        The size, shrunk by 0.8 above 1e-3 m, grown by 1.1 below 1e-6 m, else as it is.
     """
     if violation > BROKEN:
         return max(LEAST_STEP, SHRINK * size)
-    return min(1.0, GROW * size) if violation < FEASIBLE else size
+    return min(1.0, GROW * size) if violation < KEPT else size

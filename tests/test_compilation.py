@@ -66,16 +66,16 @@ def test_what_is_in_the_cache_is_not_estimated(tmp_path, monkeypatch):
     for name in compilation.SECONDS:
         import_module(name.partition(":")[0])
     monkeypatch.setattr(compilation, "_kept", lambda name: True)
-    assert compilation.estimate("piec_envs.dynamics.contact_step:rollout_rows") == 30.0
+    assert compilation.estimate("piec_envs.dynamics.contact_rollout:rollout_rows") == 30.0
     assert compilation.estimate("piec_envs.any:other") == 0.5
     monkeypatch.setattr(compilation, "_kept", lambda name: False)
-    assert compilation.estimate("piec_envs.dynamics.contact_step:rollout_rows") == everything
+    assert compilation.estimate("piec_envs.dynamics.contact_rollout:rollout_rows") == everything
     monkeypatch.undo()
     assert compilation._kept("piec_envs.not_loaded:kernel")
-    for state, expected in (("", False), ("contact_step.rollout_rows-30.py311.nbi", True)):
+    for state, expected in (("", False), ("contact_rollout.rollout_rows-30.py311.nbi", True)):
         if state:
             (tmp_path / state).write_bytes(b"")
-        module = import_module("piec_envs.dynamics.contact_step")
+        module = import_module("piec_envs.dynamics.contact_rollout")
         stats = type(module.rollout_rows.stats)(str(tmp_path), {}, {})
         monkeypatch.setattr(module, "rollout_rows", type("Kernel", (), {"stats": stats}))
-        assert compilation._kept("piec_envs.dynamics.contact_step:rollout_rows") is expected
+        assert compilation._kept("piec_envs.dynamics.contact_rollout:rollout_rows") is expected

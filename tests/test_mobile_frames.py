@@ -9,16 +9,15 @@ from matplotlib.patches import Rectangle
 
 from piec_envs.errors import RenderingError
 from piec_envs.model.task import MOBILE, mobile_franka_track
-from piec_envs.rendering.drawing import (
-    PALE,
+from piec_envs.rendering.colours import PALE
+from piec_envs.rendering.drawing import draw_ghost, draw_robot
+from piec_envs.rendering.frame import new_axis, pixels
+from piec_envs.rendering.outlines import (
     arm_outlines,
     base_position,
-    draw_ghost,
-    draw_robot,
     link_outlines,
     scenery_outlines,
 )
-from piec_envs.rendering.frame import new_axis, pixels
 from piec_envs.rendering.view import View, close_view, episode_view
 from piec_envs.world.objects import get_object
 from piec_envs.world.robots import get_robot

@@ -16,10 +16,10 @@ from piec_envs.errors import RenderingError, UnknownNameError
 from piec_envs.escape.field import choose_field
 from piec_envs.geometry.batched import robot_frames
 from piec_envs.model.model import Model
-from piec_envs.rendering.drawing import base_position, link_outlines
 from piec_envs.rendering.escape import picture_field
 from piec_envs.rendering.field import FIELD_TOP, _filled
 from piec_envs.rendering.frame import render_frame
+from piec_envs.rendering.outlines import base_position, link_outlines
 from piec_envs.rendering.view import close_view
 from piec_envs.world.objects import OBJECTS, get_object
 from piec_envs.world.robots import ROBOTS, get_robot

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
-from piec_envs import Commands, Motion, Plant, QuasiDynamics
+from piec_envs import CONTROL_PERIOD, Commands, Motion, Plant, QuasiDynamics
 
 
 def mujoco_steps(sizes: Sizes) -> list[Row]:
@@ -70,10 +70,11 @@ def _plain_loop(motion: Motion) -> float:
     """Seconds for one row of a motion in a Python loop over `mj_step`."""
     import mujoco
 
-    from piec_envs import ENGINE_STEPS, mujoco_model
+    from piec_envs import mujoco_model
 
     model: Any = mujoco_model("planar_arm", "circle", 0.5)
     data = mujoco.MjData(model)
+    steps = round(CONTROL_PERIOD / model.opt.timestep)
     x, y, angle = motion.pose[0, 0]
     data.qpos[:] = (
         *motion.q_r[0, 0],
@@ -88,6 +89,6 @@ def _plain_loop(motion: Motion) -> float:
     begin = time.perf_counter()
     for command in motion.q_cmd[0, 1:]:
         data.ctrl[:] = command
-        for _ in range(ENGINE_STEPS):
+        for _ in range(steps):
             mujoco.mj_step(model, data)
     return time.perf_counter() - begin

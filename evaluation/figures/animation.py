@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import LOOK, Trajectory, bounds, mix, mode_of, show_scene
+from evaluation.figures.base import LOOK, mix, show_scene
+from evaluation.figures.modes import mode_of
+from evaluation.figures.trajectory import Trajectory, bounds
 from piec_envs import InvalidParameterError, MissingDependencyError, rendering, robot_frames
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What all figures share: the table of modes, the look, the view and the file."""
+"""What all figures share: the look, panels, colour bars and the file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import io
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +13,6 @@ import numpy as np
 from evaluation.tables import write_atomic
 from piec_envs import (
     CAGING_SCALE,
-    CONTROL_PERIOD,
-    GOAL_RADIUS,
-    Object,
-    Robot,
-    get_object,
-    get_robot,
     rendering,
 )
 
@@ -62,113 +55,6 @@ LOOK: Any = {
 }
 
 
-@dataclass(frozen=True)
-class Mode:
-    """How figures name and colour one kind of plan.
-
-    Args:
-        label: its name in legends and titles.
-        colour: safe for the common kinds of colour blindness.
-    """
-
-    label: str
-    colour: str
-
-
-MODES = {
-    "contact": Mode("contact (mode 1)", "#e69f00"),
-    "proximity": Mode("proximity (mode 2)", "#3b7db8"),
-    "caging": Mode("caging (mode 3)", "#882255"),
-    "adversarial": Mode("adversarial (mode 4)", "#44aa99"),
-    "Point": Mode("Point", "#8b91a0"),
-    "Link": Mode("Link", "#3b7db8"),
-    "WAContact": Mode("WAContact", "#e69f00"),
-    "WACaging": Mode("WACaging", "#882255"),
-}
-_OTHERS = ("#555b6b", "#b58a3c", "#5f7fa6", "#a3667f", "#7d9c8f")
-
-
-def mode_of(name: str, among: Sequence[str] = ()) -> Mode:
-    """The row of a mode; a name that is no mode is its own label, in a muted colour.
-
-    Args:
-        name: of the mode.
-        among: all names of the figure, so that two strangers differ in colour.
-
-    Returns:
-        Label and colour.
-    """
-    if name in MODES:
-        return MODES[name]
-    strangers = [other for other in among if other not in MODES]
-    return Mode(
-        name.replace("_", " "),
-        _OTHERS[strangers.index(name) % len(_OTHERS) if name in strangers else 0],
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """One execution of a plan and, where there are any, disturbed executions of the same plan.
-
-    Args:
-        mode: key of MODES, or any name.
-        robot_name: row of the table of robots.
-        object_name: row of the table of objects.
-        goal: centre of the goal region, shape (2,), m.
-        q_r: joint positions, shape (N + 1, n), rad or m.
-        pose: object x, y, angle, shape (N + 1, 3), m and rad.
-        contact: links in contact, shape (N + 1, links); None where not known.
-        disturbed: object poses of M disturbed executions, shape (M, N + 1, 3); None without any.
-        reference: path to be tracked, shape (m, 2), m; None for a goal task.
-        period: time between two entries, s: longer than a control step in thinned executions.
-        loose: position and quaternion of the object's k loose bodies, shape (N + 1, k, 7); None
-            where it has none, or they are not known.
-    """
-
-    mode: str
-    robot_name: str
-    object_name: str
-    goal: np.ndarray
-    q_r: np.ndarray
-    pose: np.ndarray
-    contact: np.ndarray | None = None
-    disturbed: np.ndarray | None = None
-    reference: np.ndarray | None = None
-    period: float = CONTROL_PERIOD
-    loose: np.ndarray | None = None
-
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-        return get_robot(self.robot_name)
-
-    @property
-    def object(self) -> Object:
-        """The object."""
-        return get_object(self.object_name)
-
-    @property
-    def steps(self) -> int:
-        """N, the number of steps."""
-        return len(self.pose) - 1
-
-    @property
-    def first_contact(self) -> int | None:
-        """Step of the first contact; None if there is none or contacts are not known."""
-        if self.contact is None or not self.contact.any():
-            return None
-        return int(self.contact.any(axis=1).argmax())
-
-    @property
-    def inside(self) -> np.ndarray:
-        """Whether the object of each disturbed execution is in the goal region, shape (M, N
-        + 1).
-        """
-        disturbed = self.pose[None] if self.disturbed is None else self.disturbed
-        return np.hypot(*np.moveaxis(disturbed[..., :2] - self.goal, -1, 0)) <= GOAL_RADIUS
-
-
 @contextmanager
 def figure_file(path: str | os.PathLike, width: float, height: float) -> Iterator[Figure]:
     """A figure, drawn and written as PNG when the block ends.
@@ -193,35 +79,6 @@ def figure_file(path: str | os.PathLike, width: float, height: float) -> Iterato
         content = io.BytesIO()
         figure.savefig(content, format="png", metadata={"Software": None})
     write_atomic(path, content.getvalue())
-
-
-def bounds(
-    trajectories: Sequence[Trajectory], frames: Sequence[Sequence[int]], margin: float = 0.05
-) -> np.ndarray:
-    """Box around what is drawn of some trajectories.
-
-    Args:
-        trajectories: what is drawn.
-        frames: for each of them the steps at which its robot is drawn.
-        margin: space around it, m.
-
-    Returns:
-        ((x_min, x_max), (y_min, y_max)), m.
-    """
-    points = []
-    for trajectory, steps in zip(trajectories, frames, strict=True):
-        reach = trajectory.object.bounding_radius
-        for step in steps:
-            points += rendering.arm_outlines(trajectory.robot, trajectory.q_r[step])
-        for path in (
-            trajectory.pose,
-            trajectory.pose if trajectory.disturbed is None else trajectory.disturbed,
-        ):
-            points += [path[..., :2].reshape(-1, 2) + shift for shift in (-reach, reach)]
-        points += [] if trajectory.reference is None else [trajectory.reference]
-        points += [trajectory.goal[None] + shift for shift in (-GOAL_RADIUS, GOAL_RADIUS)]
-    cloud = np.concatenate(points)  # (m, 2)
-    return np.stack([cloud.min(axis=0) - margin, cloud.max(axis=0) + margin], axis=1)
 
 
 def panel_title(ax: Axes, name: str, note: str, colour: Any = rendering.INK) -> None:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import Mode, figure_file, mix, mode_of
+from evaluation.figures.base import figure_file, mix
+from evaluation.figures.modes import Mode, mode_of
 from piec_envs import CONTROL_PERIOD, GOAL_RADIUS, rendering
 
 if TYPE_CHECKING:

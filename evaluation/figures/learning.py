@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from evaluation.figures.base import figure_file, mode_of
+from evaluation.figures.base import figure_file
+from evaluation.figures.modes import mode_of
 from piec_envs import rendering
 
 CELL = (0.72, 0.27)  # width and height of a cell of the matrix, inches

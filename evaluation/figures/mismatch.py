@@ -12,17 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import (
-    GREY,
-    MEAN,
-    NOMINAL,
-    Trajectory,
-    bounds,
-    figure_file,
-    mix,
-    mode_of,
-    show_scene,
-)
+from evaluation.figures.base import GREY, MEAN, NOMINAL, figure_file, mix, show_scene
+from evaluation.figures.modes import mode_of
+from evaluation.figures.trajectory import Trajectory, bounds
 from evaluation.shape_mismatch import shape_mismatch
 from piec_envs import GOAL_RADIUS, Object, get_object, rendering, trace_surface
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from evaluation.figures.base import GREY, figure_file, mix, mode_of
+from evaluation.figures.base import GREY, figure_file, mix
+from evaluation.figures.modes import mode_of
 from evaluation.metrics import Interval
 from evaluation.tables import Estimate
 

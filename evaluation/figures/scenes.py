@@ -10,19 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import (
-    GREY,
-    MEAN,
-    NOMINAL,
-    Trajectory,
-    bounds,
-    figure_file,
-    mix,
-    mode_of,
-    panel_title,
-    show_scene,
-)
+from evaluation.figures.base import GREY, MEAN, NOMINAL, figure_file, mix, panel_title, show_scene
+from evaluation.figures.modes import mode_of
 from evaluation.figures.strip import draw_strip, goal_handle, strip_steps
+from evaluation.figures.trajectory import Trajectory, bounds
 from piec_envs import rendering
 
 if TYPE_CHECKING:

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import Trajectory, bounds, figure_file, mix, mode_of, show_scene
+from evaluation.figures.base import figure_file, mix, show_scene
+from evaluation.figures.modes import mode_of
+from evaluation.figures.trajectory import Trajectory, bounds
 from piec_envs import RenderingError, rendering
 
 if TYPE_CHECKING:

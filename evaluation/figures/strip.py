@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import CAGING, Trajectory, colour_bar, figure_file, show_scene
+from evaluation.figures.base import CAGING, colour_bar, figure_file, show_scene
+from evaluation.figures.trajectory import Trajectory
 from piec_envs import rendering
 
 if TYPE_CHECKING:

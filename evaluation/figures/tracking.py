@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evaluation.figures.base import MODES, Trajectory, figure_file, mix
+from evaluation.figures.base import figure_file, mix
+from evaluation.figures.modes import MODES
+from evaluation.figures.trajectory import Trajectory
 from piec_envs import GOAL_RADIUS, rendering
 
 if TYPE_CHECKING:

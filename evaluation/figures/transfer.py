@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from evaluation.figures.base import MEAN, NOMINAL, Trajectory, figure_file
+from evaluation.figures.base import MEAN, NOMINAL, figure_file
 from evaluation.figures.tracking import path_box, plane_axis
+from evaluation.figures.trajectory import Trajectory
 from piec_envs import rendering
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from evaluation.figures.base import mode_of
+from evaluation.figures.modes import mode_of
 from evaluation.jobs import Context, Work, run_recorded
 from evaluation.metrics import bootstrap_interval, wilson_interval
 from evaluation.outcome import Evaluation

@@ -20,7 +20,7 @@ from evaluation.figures import (
     space_keyframes,
     trajectories,
 )
-from evaluation.figures.base import mode_of
+from evaluation.figures.modes import mode_of
 from evaluation.studies.common import (
     DRAWN_STARTS,
     PLANNER_SEEDS,

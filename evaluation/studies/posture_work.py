@@ -15,7 +15,7 @@ import numpy as np
 from evaluation.jobs import Context
 from piec_envs import CAGING_SCALE, make_field
 from planners import CagingProblem, CmaEsConfiguration, ExhaustiveConfiguration, SqpConfiguration
-from planners.configuration import draw_postures
+from planners.posture_starts import draw_postures
 
 OPTIMISERS: Mapping[str, type] = {
     "cma-es": CmaEsConfiguration,

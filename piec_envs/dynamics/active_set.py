@@ -36,7 +36,15 @@ class DualScratch(NamedTuple):
 
 @batch_kernel
 def make_dual(weight, m):
-    """Scratch for problems of up to m rows with the diagonal `weight` of Q."""
+    """Scratch for problems of up to m rows.
+
+    Args:
+        weight: diagonal of Q, shape (d,).
+        m: rows at most.
+
+    Returns:
+        A `DualScratch`.
+    """
     d = weight.shape[0]
     scale = np.empty(d)
     for j in range(d):

@@ -1,4 +1,4 @@
-"""The compiled quasi-dynamic step and rollout (paper eq. 11)."""
+"""The compiled quasi-dynamic step (paper eq. 11)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.dynamics.active_set import DualScratch, make_dual, solve_dual
-from piec_envs.dynamics.contact_model import ContactModel
 from piec_envs.dynamics.contacts import (
     MAX_CONTACTS,
     Contacts,
@@ -17,10 +16,8 @@ from piec_envs.dynamics.contacts import (
 )
 from piec_envs.dynamics.protocol import CONTROL_PERIOD, POSITION_LIMIT, TOUCH_DISTANCE
 from piec_envs.dynamics.rigid import FAILED
-from piec_envs.geometry.body import Placed, make_placed, place_scene
-from piec_envs.held import Held
-from piec_envs.kernels import batch_kernel, inlined_kernel, kernel
-from piec_envs.world.packed import Scene
+from piec_envs.geometry.body import Placed, make_placed
+from piec_envs.kernels import batch_kernel, inlined_kernel
 
 MASS_MATRIX = (0.1, 0.1, 0.042)  # M_o: the QP's regulariser, not a physical inertia
 REGULARISER = 10.0  # epsilon
@@ -32,18 +29,26 @@ ROUNDING = 1e-6  # of the energy of a step
 class Workspace(NamedTuple):
     """Scratch of one thread, so that no step allocates."""
 
-    placed: Placed
-    contacts: Contacts
+    placed: Placed  # the scene of the state in hand
+    contacts: Contacts  # its contact points
     weight: np.ndarray  # (n + 3,) diagonal of Q
     free: np.ndarray  # (n + 3,) Q^-1 b
     rows: np.ndarray  # (2 C, n + 3) A
     value: np.ndarray  # (2 C,) A Q^-1 b + phi
-    dual: DualScratch
+    dual: DualScratch  # scratch of the QP
 
 
 @batch_kernel
 def make_workspace(scene, model):
-    """Scratch for one scene and model."""
+    """Scratch for one scene and model.
+
+    Args:
+        scene: a `Scene`.
+        model: a `ContactModel`.
+
+    Returns:
+        A `Workspace`.
+    """
     n, m = scene.robot.stiffness.shape[0], 2 * MAX_CONTACTS
     weight = np.empty(n + 3)
     for j in range(n):  # assigning the slice would compile a message about shapes for seconds
@@ -65,7 +70,17 @@ def make_workspace(scene, model):
 
 @inlined_kernel
 def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
-    """q_cmd <- q_cmd + h u, at most max_lead from the joint and within the joint limits."""
+    """q_cmd <- q_cmd + h u, at most max_lead from the joint and within the joint limits.
+
+    Args:
+        scene: a `Scene`.
+        model: a `ContactModel`.
+        target: an action in [-1, 1], or joint positions to command, shape (n,).
+        absolute: whether it is the latter.
+        q, q_cmd: joint positions and those commanded, shape (n,), rad or m.
+        action: output, the action that was taken, shape (n,).
+        new_cmd: output, the next command, shape (n,), rad or m.
+    """
     for j in range(q.shape[0]):
         a = target[j]
         if absolute:
@@ -82,7 +97,21 @@ def advance_command(scene, model, target, absolute, q, q_cmd, action, new_cmd):
 
 @inlined_kernel
 def assemble(scene, model, friction, q, q_cmd, pose, w_x, w_y, work):
-    """Contacts, rows A and values A Q^-1 b + phi of this step; returns the number of rows."""
+    """Contacts, rows A and values A Q^-1 b + phi of this step.
+
+    Args:
+        scene: a `Scene`.
+        model: a `ContactModel`.
+        friction: mu.
+        q, q_cmd: joint positions and those commanded, shape (n,), rad or m.
+        pose: the object's x, y, angle, shape (3,), m and rad.
+        w_x, w_y: displacement that is added to the object's free step, m.
+        work: a `Workspace` with the state placed; `contacts`, `free`, `rows` and `value` are
+            written.
+
+    Returns:
+        The number of rows.
+    """
     n = q.shape[0]
     margin = np.sqrt(w_x * w_x + w_y * w_y)
     for j in range(n):
@@ -118,6 +147,9 @@ def is_physical(model, m, work, gain, push):
         work: scratch in which the step was assembled.
         gain: <d - f, d>, with <a, b> = a^T Q b.
         push: <d - f, d - f>.
+
+    Returns:
+        Whether the step may be believed; not where a number is not finite.
     """
     n, overlap, free, stiffest = work.weight.shape[0] - 3, 0.0, 0.0, 0.0
     for i in range(m // 2):
@@ -146,9 +178,20 @@ def is_within_bounds(pose):
 
 
 @inlined_kernel
-def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
-    """Solve the QP and integrate; returns the number of positive multipliers, FAILED where no
-    answer is to be had.
+def solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
+    """Solve the QP and integrate.
+
+    Args:
+        model: a `ContactModel`.
+        m: number of rows.
+        work: a `Workspace` after `assemble`.
+        q_cmd: joint positions commanded, shape (n,), rad or m.
+        pose: the object's x, y, angle, shape (3,), m and rad.
+        new_q, new_pose: output, the state after the step, shape (n,) and (3,).
+        touched: output, which links press, shape (links,).
+
+    Returns:
+        The number of positive multipliers, FAILED where no answer is to be had.
     """
     n = q_cmd.shape[0]
     for k in range(touched.shape[0]):
@@ -179,109 +222,3 @@ def _solve_and_move(model, m, work, q_cmd, pose, new_q, new_pose, touched):
     if not gain <= 0.0 and not is_physical(model, m, work, gain, pushed):
         return FAILED
     return active if is_within_bounds(new_pose) else FAILED
-
-
-@inlined_kernel
-def _touch(distance, contact):
-    """Add the links within touching distance to those in contact."""
-    for k in range(distance.shape[0]):
-        contact[k] = contact[k] or distance[k] <= TOUCH_DISTANCE
-
-
-@kernel
-def _hold(t, motion):
-    """Let a row that has found no answer for step t rest in its state from then on, diverged."""
-    q_r, q_cmd, pose, actions, distance, contact, active, diverged = motion
-    for later in range(t + 1, q_r.shape[0]):
-        for j in range(q_r.shape[1]):
-            q_r[later, j], q_cmd[later, j], actions[later - 1, j] = q_r[t, j], q_cmd[t, j], 0.0
-        for k in range(3):
-            pose[later, k] = pose[t, k]
-        for k in range(distance.shape[1]):
-            distance[later, k], contact[later, k] = distance[t, k], contact[t, k]
-        active[later], diverged[later] = 0, True
-
-
-@inlined_kernel
-def _rollout_row(scene, model, values, absolute, displacement, friction, work, motion):
-    """Simulate one row; arguments as in `rollout_rows` without the row axis."""
-    q_r, q_cmd, pose, actions, distance, contact, active, _ = motion
-    place_scene(scene, q_r[0], pose[0], work.placed, distance[0])
-    for k in range(scene.robot.links):
-        contact[0, k] = False
-    active[0] = 0
-    _touch(distance[0], contact[0])
-    for t in range(values.shape[0]):
-        w_x, w_y = 0.0, 0.0
-        if displacement.shape[0] > 0:
-            w_x, w_y = displacement[t, 0], displacement[t, 1]
-        here = pose[t + 1]
-        for j in range(3):
-            here[j] = pose[t, j]
-        if model.state_noise and (w_x != 0.0 or w_y != 0.0):
-            here[0] += w_x
-            here[1] += w_y
-            w_x, w_y = 0.0, 0.0
-            # overwritten at the end of the step
-            place_scene(scene, q_r[t], here, work.placed, distance[t + 1])
-        advance_command(
-            scene, model, values[t], absolute, q_r[t], q_cmd[t], actions[t], q_cmd[t + 1]
-        )
-        m = assemble(scene, model, friction, q_r[t], q_cmd[t + 1], here, w_x, w_y, work)
-        active[t + 1] = _solve_and_move(
-            model, m, work, q_cmd[t + 1], here, q_r[t + 1], here, contact[t + 1]
-        )
-        if active[t + 1] == FAILED:
-            _hold(t, motion)
-            break
-        place_scene(scene, q_r[t + 1], here, work.placed, distance[t + 1])
-        _touch(distance[t + 1], contact[t + 1])
-
-
-class World(NamedTuple):
-    """What a thread simulates with."""
-
-    scene: Scene
-    model: ContactModel
-    work: Workspace
-
-
-@batch_kernel
-def make_world(scene, model):
-    """A `World`, held: a scene, the settings, and scratch of one thread.
-
-    Args:
-        scene: a `Scene`.
-        model: a `ContactModel`.
-    """
-    return Held(World(scene, model, make_workspace(scene, model)))
-
-
-@batch_kernel
-def rollout_rows(lo, hi, rows, world, values, absolute, displacement, friction, motion):
-    """Simulate rows `rows[lo:hi]`; the start stands at time index 0 of the motion's arrays.
-
-    Args:
-        lo, hi: range of entries of `rows`.
-        rows: row numbers that share this world, shape (R,).
-        world: from `make_world`.
-        values, absolute, displacement: as in `Commands`; displacement may have no steps.
-        friction: mu of every row, shape (B,).
-        motion: a `Motion`'s arrays as a tuple, filled in place. A row rests, diverged, from a step
-            on that has no answer, or none to be believed.
-    """
-    q_r, q_cmd, pose, actions, distance, contact, active, diverged = motion
-    scene, model, work = world.value
-    for r in range(lo, hi):
-        i = rows[r]
-        row = (
-            q_r[i],
-            q_cmd[i],
-            pose[i],
-            actions[i],
-            distance[i],
-            contact[i],
-            active[i],
-            diverged[i],
-        )
-        _rollout_row(scene, model, values[i], absolute, displacement[i], friction[i], work, row)

@@ -157,10 +157,10 @@ def contact_rows(scene, frames, pose, contacts, friction, rows):
     Args:
         scene: a `Scene`.
         frames: the robot's frames from `link_frames`.
-        pose: the object's x, y, angle.
+        pose: the object's x, y, angle, shape (3,), m and rad.
         contacts: from `find_contacts`.
         friction: mu.
-        rows: output, at least (2 number, n + 3); the columns are the joints, then x, y, angle.
+        rows: output, shape (2 number, n + 3) at least; columns are the joints, then x, y, angle.
     """
     n = scene.robot.stiffness.shape[0]
     for i in range(contacts.number[0]):

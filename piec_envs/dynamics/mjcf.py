@@ -18,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from piec_envs.dynamics.geoms import round_form, turned, upright_form
 from piec_envs.world.objects import Object, get_object
 from piec_envs.world.robots import Link, Robot, get_robot
 from piec_envs.world.shapes import RoundedPolygon
@@ -38,9 +39,6 @@ LINK_COLOUR = (0.42, 0.55, 0.70, 1.0)
 OBJECT_COLOUR = (0.9, 0.62, 0.1, 1.0)
 TABLE_COLOUR = (0.93, 0.93, 0.91, 1.0)
 LOOSE_COLOUR = (0.62, 0.38, 0.22, 1.0)
-RAISED = 5e-4  # m; corners of a prism's base that it does not stand on
-# on each rounded corner of an extruded outline: faces within half a degree of the arc
-ARC_POINTS = 91
 
 
 @lru_cache(maxsize=1024)
@@ -137,7 +135,7 @@ def _add_robot(spec: Any, robot: Robot, height: float) -> list[str]:
     frames = [spec.worldbody.add_body(name="base", pos=[0, 0, height])]
     for joint in robot.joints:
         x, y, angle = joint.origin
-        body = frames[-1].add_body(name=joint.name, pos=[x, y, 0], quat=_turned(angle))
+        body = frames[-1].add_body(name=joint.name, pos=[x, y, 0], quat=turned(angle))
         turns = joint.axis[2] != 0
         kind = mujoco.mjtJoint.mjJNT_HINGE if turns else mujoco.mjtJoint.mjJNT_SLIDE
         axis = [0, 0, joint.axis[2]] if turns else [*joint.axis[:2], 0]
@@ -225,7 +223,7 @@ def _add_part(spec: Any, body: Any, part: _Part, half: float) -> list[str]:
     for k, shape in enumerate(part.shapes):
         name = f"{part.name} shape {k}"
         round_link = part.is_link and len(shape.vertices) < 3
-        form = _round_form(shape) if round_link else _upright_form(spec, name, shape, half)
+        form = round_form(shape) if round_link else upright_form(spec, name, shape, half)
         body.add_geom(
             name=name,
             mass=part.mass * shape.area / total,
@@ -235,61 +233,6 @@ def _add_part(spec: Any, body: Any, part: _Part, half: float) -> list[str]:
         )
         names.append(name)
     return names
-
-
-def _round_form(shape: RoundedPolygon) -> dict[str, Any]:
-    """A sphere or a capsule: links are round in space."""
-    r = shape.radius
-    if len(shape.vertices) == 1:
-        return {
-            "type": mujoco.mjtGeom.mjGEOM_SPHERE,
-            "size": [r, 0, 0],
-            "pos": [*shape.vertices[0], 0],
-        }
-    (x, y), (end_x, end_y) = shape.vertices
-    return {
-        "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
-        "size": [r, 0, 0],
-        "fromto": [x, y, 0, end_x, end_y, 0],
-    }
-
-
-def _upright_form(spec: Any, name: str, shape: RoundedPolygon, half: float) -> dict[str, Any]:
-    """A cylinder, a box, or an extruded convex mesh, from -half to half."""
-    if len(shape.vertices) == 1:
-        return {
-            "type": mujoco.mjtGeom.mjGEOM_CYLINDER,
-            "size": [shape.radius, half, 0],
-            "pos": [*shape.vertices[0], 0],
-        }
-    if shape.is_rectangle:
-        edge, following = np.diff(shape.vertices[:3], axis=0)  # (2,), (2,)
-        return {
-            "type": mujoco.mjtGeom.mjGEOM_BOX,
-            "size": [np.hypot(*edge) / 2, np.hypot(*following) / 2, half],
-            "pos": [*shape.vertices.mean(axis=0), 0],
-            "quat": _turned(np.arctan2(edge[1], edge[0])),
-        }
-    outline = shape.outline(ARC_POINTS)  # (m, 2)
-    foot = np.where(_are_feet(len(outline)), -half, RAISED - half)  # (m,)
-    corners = np.concatenate(
-        [np.column_stack([outline, foot]), np.column_stack([outline, np.full(len(foot), half)])]
-    )
-    spec.add_mesh(name=name, uservert=corners.ravel())
-    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}
-
-
-def _are_feet(corners: int) -> np.ndarray:
-    """On which of its corners a prism stands, shape (corners,): two and those across from them, if
-    they are even.
-
-    Of more corners than four in contact the engine keeps four, whose middle need not be that of the
-    prism. Resting on them a prism leans, and one that leans creeps.
-    """
-    feet = np.full(corners, corners % 2 == 1)
-    half = corners // 2
-    feet[[0, half // 2, half, half + half // 2]] = True
-    return feet
 
 
 def _add_pair(spec: Any, first: str, second: str, friction: float, contact: dict[str, Any]) -> None:
@@ -303,8 +246,3 @@ def _add_pair(spec: Any, first: str, second: str, friction: float, contact: dict
         gap=0.0,
         **contact,
     )
-
-
-def _turned(angle: float) -> list[float]:
-    """Quaternion of a turn about the vertical."""
-    return [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]

@@ -168,7 +168,15 @@ class PlantRows(Sequence[PlantParams]):
     def replaced(
         self, rows: Sequence[int] | np.ndarray, others: Sequence[PlantParams]
     ) -> PlantRows:
-        """The same with other parameters in some rows."""
+        """The same with other parameters in some rows.
+
+        Args:
+            rows: numbers of rows.
+            others: parameters for each of them.
+
+        Returns:
+            New rows; these stay as they are.
+        """
         changed = list(self._rows)
         for row, params in zip(rows, others, strict=True):
             changed[int(row)] = params
@@ -248,6 +256,9 @@ def check_randomize(
     Args:
         randomize: the argument.
         params: what the other parameters are.
+
+    Returns:
+        Choices by name of the parameter; empty for None.
 
     Raises:
         InvalidParameterError: if an entry is neither a range [low, high] nor a list of names, or if

@@ -10,7 +10,7 @@ import numpy as np
 
 from piec_envs.dynamics.by_row import DynamicsOptions, check_moves, check_varies
 from piec_envs.dynamics.contact_model import ContactModel
-from piec_envs.dynamics.contact_step import make_world, rollout_rows
+from piec_envs.dynamics.contact_rollout import make_world, rollout_rows
 from piec_envs.dynamics.protocol import (
     INERTIAS,
     NO_MEMORY,

@@ -84,6 +84,14 @@ def give_way(p, dual):
 def is_answer(m, p, dual):
     """Whether no row is violated, and those that press are closed; the rest of the KKT conditions
     hold as computed.
+
+    Args:
+        m: number of rows.
+        p: size of the passive set.
+        dual: the scratch of `active_set`, with `value` filled.
+
+    Returns:
+        True if it is an answer.
     """
     worst = 0.0
     for i in range(m):

@@ -97,7 +97,15 @@ class CageConfig:
         return make_field("grid", self.robot, speed=speed, threads=self.threads, **HARD_WALL)
 
     def make_problem(self, pose: np.ndarray, field: EscapeField) -> CagingProblem:
-        """The problem for a pose (3,), or for one pose in each row (B, 3)."""
+        """The problem of enclosing the object.
+
+        Args:
+            pose: the object's x, y, angle, shape (3,), or one in each row, shape (B, 3), m and rad.
+            field: the escape field.
+
+        Returns:
+            The problem.
+        """
         return CagingProblem(
             self.robot, self.object, pose, field, self.reduce, threads=self.threads
         )
@@ -241,7 +249,7 @@ class CageEpisodes:
         return row_info(self.info())
 
     def frame(self, renderer: Any, row: int, trail: np.ndarray | None) -> np.ndarray:
-        """A picture of one row's posture and its field, shape (height, width, 3), uint8."""
+        """A picture of one row's posture and its field; see `Episodes.frame`."""
         enclosed = bool(self.enclosed[row]) if self.done[row] else None
         speed = getattr(self.field, "speed", SpeedModel())
         time = float(self.escape_time[row])

@@ -40,7 +40,13 @@ class Episodes(Protocol):
     def reset(
         self, rows: np.ndarray, seeds: list[int], options: Mapping[str, Any] | None = None
     ) -> None:
-        """Begin new episodes in some rows."""
+        """Begin new episodes in some rows.
+
+        Args:
+            rows: row numbers, shape (k,).
+            seeds: one episode seed for each of these rows.
+            options: what the task lets a reset fix.
+        """
         ...
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray]:
@@ -68,7 +74,16 @@ class Episodes(Protocol):
         ...
 
     def frame(self, renderer: Any, row: int, trail: np.ndarray | None) -> np.ndarray:
-        """A picture of one row's present, shape (height, width, 3), uint8."""
+        """A picture of one row's present.
+
+        Args:
+            renderer: a `Renderer`.
+            row: which.
+            trail: where its object has been, shape (m, 2), m.
+
+        Returns:
+            Shape (height, width, 3), uint8.
+        """
         ...
 
 
@@ -255,13 +270,17 @@ class MotionEpisodes:
         )
 
     def frame(self, renderer: Any, row: int, trail: np.ndarray | None) -> np.ndarray:
-        """A picture of one row's present, shape (height, width, 3), uint8."""
+        """A picture of one row's present; see `Episodes.frame`."""
         return renderer.frame(self.model, self.state, self.measured, row, trail)
 
     def rollout(
         self, state: State, path: np.ndarray | None, controls: np.ndarray | None
     ) -> Rollout:
-        """Roll out joint paths or controls; see `Env.rollout`."""
+        """Roll out joint paths or controls; see `MotionInterface.rollout`.
+
+        Raises:
+            InvalidParameterError: unless one of the two is given.
+        """
         values = path if controls is None else controls
         if values is None or (path is not None and controls is not None):
             raise InvalidParameterError("rollout takes either path or controls")

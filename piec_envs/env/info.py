@@ -97,6 +97,9 @@ def row_info(info: Mapping[str, np.ndarray], row: int = 0) -> dict[str, Any]:
     Args:
         info: of all rows.
         row: its number.
+
+    Returns:
+        Entries without the axis of rows.
     """
     entries = {name: value[row] for name, value in info.items()}
     return {

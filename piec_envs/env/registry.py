@@ -24,7 +24,6 @@ class Entry:
         tasks: rows of the table of tasks, of which the keyword argument `reference` takes one where
             there are several; none for static caging, which ends with its first step.
         object: of static caging, where no argument says otherwise.
-        base: of a Panda, "fixed" or "mobile".
     """
 
     env_id: str
@@ -32,7 +31,6 @@ class Entry:
     summary: str
     tasks: tuple[Task, ...] = ()
     object: str = ""
-    base: str = ""
 
     @property
     def motion(self) -> bool:
@@ -50,6 +48,13 @@ class Entry:
         return self.env_id.partition("/")[2].partition("-")[0]
 
     @property
+    def base(self) -> str:
+        """Of a Panda, "fixed" or "mobile"; else ""."""
+        from piec_envs.world.robots.franka import FRANKA_BASES  # not with the package itself
+
+        return {robot: base for base, robot in FRANKA_BASES.items()}.get(self.robot, "")
+
+    @property
     def choices(self) -> dict[str, str]:
         """Keyword arguments that choose the robot or the task, with their defaults."""
         chosen: dict[str, str] = {}
@@ -62,8 +67,6 @@ class Entry:
         return chosen
 
 
-# rows of the table of robots, and their bases
-PANDAS = {"franka": "fixed", "mobile_franka": "mobile"}
 _CAGES = (
     Entry(
         "piec_envs/PlanarArmCage-v0",
@@ -78,7 +81,6 @@ _CAGES = (
         "Enclose an everyday object with the whole arm of a Franka Panda on a fixed base (paper "
         "section 7.1).",
         object="water_jug",
-        base="fixed",
     ),
 )
 
@@ -89,10 +91,7 @@ def _entries() -> dict[str, Entry]:
     for task in TASKS.values():
         tasks.setdefault(task.env_id, []).append(task)
     motion = [
-        Entry(
-            env_id, rows[0].robot, rows[0].summary, tuple(rows), base=PANDAS.get(rows[0].robot, "")
-        )
-        for env_id, rows in tasks.items()
+        Entry(env_id, rows[0].robot, rows[0].summary, tuple(rows)) for env_id, rows in tasks.items()
     ]
     return {entry.env_id: entry for entry in (*motion, *_CAGES)}
 

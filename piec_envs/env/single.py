@@ -27,7 +27,15 @@ from piec_envs.rendering.renderer import Renderer
 
 
 def take_row(observation: Any, row: int = 0) -> Any:
-    """One row of a batch of observations, an array or a dict of arrays."""
+    """One row of a batch of observations.
+
+    Args:
+        observation: an array, or a dict of arrays.
+        row: its number.
+
+    Returns:
+        A copy, without the axis of rows.
+    """
     if isinstance(observation, dict):
         return {name: value[row].copy() for name, value in observation.items()}
     return observation[row].copy()

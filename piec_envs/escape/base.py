@@ -1,17 +1,18 @@
-"""What every escape field can be asked, and the checks of what it is asked."""
+"""What fields that answer batches share: the checks of what they are asked, paths and maps."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from piec_envs.errors import InvalidStateError
 from piec_envs.escape.between import Field
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
+from piec_envs.escape.protocol import EscapeField, FieldMap
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.sweeping import FAR
 
@@ -19,18 +20,6 @@ from piec_envs.escape.sweeping import FAR
 VALUE = 0
 POINT_GRADIENT = 1
 ALL_GRADIENTS = 2
-
-
-class FieldMap(NamedTuple):
-    """The escape time of one configuration over the workspace, for drawing.
-
-    `T[i, j]` and `speed[i, j]` belong to the point (x[j], y[i]).
-    """
-
-    x: np.ndarray  # (N,) m
-    y: np.ndarray  # (N,) m
-    T: np.ndarray  # (N, N) s, 0 outside the disc, inf where nothing leads out
-    speed: np.ndarray  # (N, N) m/s
 
 
 def draw_map(field: Field, speed: SpeedModel, centre=(0.0, 0.0)) -> FieldMap:
@@ -65,13 +54,14 @@ def find_path(field: Field, point: np.ndarray) -> np.ndarray:
     return path[: trace(field, point[0], point[1], path)]
 
 
-class BatchedField(ABC):
-    """Escape times of batches: exact (`GridField`), learned (`NetworkField`) or tabulated
-    (`TableField`).
+class BatchedField(EscapeField, ABC):
+    """An `EscapeField` that answers whole batches: exact (`GridField`), learned (`NetworkField`) or
+    tabulated (`TableField`).
 
-    Rows do not depend on each other, so row i equals the single query bit for bit, with any number
-    of threads. Nothing changes a field: copies in the same process are the field itself, and what
-    is pickled is its `spec`, from which it is made again.
+    It adds the robot and the speed that it is of, threads, and `sample`. Rows do not depend on each
+    other, so row i equals the single query bit for bit, with any number of threads. Nothing changes
+    a field: copies in the same process are the field itself, and what is pickled is its `spec`,
+    from which it is made again.
 
     Args:
         robot_name: a row of the table of robots.
@@ -79,7 +69,6 @@ class BatchedField(ABC):
         speed: largest speed as a function of the distance to the robot.
     """
 
-    name: str
     threads: int | None
 
     def __init__(self, robot_name: str, dof: int, speed: SpeedModel):
@@ -107,10 +96,6 @@ class BatchedField(ABC):
         return self.speed.leak
 
     @abstractmethod
-    def spec(self) -> dict:
-        """What makes this field again through `make_field(**spec)`, as JSON-able values."""
-
-    @abstractmethod
     def sample(self, q: np.ndarray) -> tuple[Field, np.ndarray]:
         """One configuration on a grid over the disc, and the position of the base.
 
@@ -123,85 +108,28 @@ class BatchedField(ABC):
         """Fill `out` = T (B, k), dT_dp (B, k, 2) and dT_dq (B, k, n), empty beyond the level."""
 
     def solve(self, q_r: np.ndarray) -> FieldMap:
-        """Escape time and speed over the whole workspace.
-
-        Args:
-            q_r: joint positions, shape (n,), rad or m.
-
-        Returns:
-            A `FieldMap`.
-
-        Raises:
-            InvalidStateError: if q_r has the wrong shape or is not finite.
-        """
+        """Escape time and speed over the whole workspace; see `EscapeField`."""
         field, base = self.sample(self._rows(np.empty((0, 2)), q_r)[1][0])
         return draw_map(field, self.speed, base)
 
     def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
-        """Fastest way out for a point.
-
-        Args:
-            point: shape (2,), m.
-            q_r: joint positions, shape (n,), rad or m.
-
-        Returns:
-            Points from the given one to the circle, T falling strictly, shape (m, 2), m; the point
-            alone where it is outside already or nothing leads out.
-
-        Raises:
-            InvalidStateError: if the shapes do not fit or a number is not finite.
-        """
+        """Fastest way out for a point; see `EscapeField.escape_path`."""
         points, q, _ = self._rows(np.reshape(point, (1, 2)), q_r)
         field, base = self.sample(q[0])
         return find_path(field, points[0, 0] - base) + base
 
     def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
-        """Escape time of points.
-
-        Args:
-            points: shape (B, k, 2) or (k, 2), m.
-            q_r: joint positions, shape (B, n) or (n,), rad or m.
-
-        Returns:
-            T, shape (B, k) or (k,), s; 0 on and outside the disc, inf where nothing leads out.
-
-        Raises:
-            InvalidStateError: if the shapes do not fit or a number is not finite.
-        """
+        """Escape time of points; see `EscapeField.query`."""
         return self._ask(points, q_r, VALUE)[0]
 
     def point_gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Escape time and its gradient in the points.
-
-        Args:
-            points: shape (B, k, 2) or (k, 2), m.
-            q_r: joint positions, shape (B, n) or (n,), rad or m.
-
-        Returns:
-            (T, dT_dp): s and s/m, shapes (B, k) and (B, k, 2), without B for a single row. An exact
-            field's dT_dp has norm 1/u(p); it is 0 where T is 0 or inf.
-
-        Raises:
-            InvalidStateError: if the shapes do not fit or a number is not finite.
-        """
+        """Escape time and its gradient in the points; see `EscapeField.point_gradients`."""
         return self._ask(points, q_r, POINT_GRADIENT)[:2]
 
     def gradients(
         self, points: np.ndarray, q_r: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Escape time and its gradients in the points and the configuration.
-
-        Args:
-            points: shape (B, k, 2) or (k, 2), m.
-            q_r: joint positions, shape (B, n) or (n,), rad or m.
-
-        Returns:
-            (T, dT_dp, dT_dq): as `point_gradients`, and dT_dq of shape (B, k, n) or (k, n), s/rad
-            or s/m; 0 where T is 0 or inf.
-
-        Raises:
-            InvalidStateError: if the shapes do not fit or a number is not finite.
-        """
+        """Escape time and both gradients; see `EscapeField.gradients`."""
         return self._ask(points, q_r, ALL_GRADIENTS)
 
     def _rows(self, points, q_r):

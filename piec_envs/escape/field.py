@@ -1,17 +1,17 @@
-"""What an escape field answers, the table of fields, and the escape time of an object."""
+"""The table of escape fields, and the escape time of an object."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from piec_envs.errors import InvalidParameterError, PiecError, check_name
-from piec_envs.escape.base import FieldMap
 from piec_envs.escape.grid import GridField
 from piec_envs.escape.network import NetworkField
+from piec_envs.escape.protocol import EscapeField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.table import TableField, can_tabulate
 from piec_envs.escape.weights import has_weights
@@ -28,52 +28,6 @@ def _mean(times: np.ndarray, axis: int) -> np.ndarray:
 
 
 REDUCTIONS: dict[str, Callable[..., Any]] = {"mean": _mean, "max": np.max}
-
-
-class EscapeField(Protocol):
-    """Anything that answers escape times; shapes as in `BatchedField`.
-
-    On and outside the workspace disc an object has escaped: T and its gradients are 0 there, and
-    the escape path is the point alone. Points and configurations that are not finite are refused.
-    """
-
-    name: str
-
-    @property
-    def u_bar(self) -> float:
-        """Speed in free space, m/s."""
-        ...
-
-    @property
-    def leak(self) -> float:
-        """Speed within the wall over u_bar, below 1; 0 is a hard wall."""
-        ...
-
-    def query(self, points: np.ndarray, q_r: np.ndarray) -> np.ndarray:
-        """T of points; see `BatchedField.query`."""
-        ...
-
-    def point_gradients(self, points: np.ndarray, q_r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """T of points and dT_dp; see `BatchedField.point_gradients`."""
-        ...
-
-    def gradients(
-        self, points: np.ndarray, q_r: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """T of points, dT_dp and dT_dq; see `BatchedField.gradients`."""
-        ...
-
-    def escape_path(self, point: np.ndarray, q_r: np.ndarray) -> np.ndarray:
-        """Fastest way out for a point; see `BatchedField.escape_path`."""
-        ...
-
-    def solve(self, q_r: np.ndarray) -> FieldMap:
-        """T and speed over the workspace."""
-        ...
-
-    def spec(self) -> dict:
-        """What makes this field again through `make_field(**spec)`, as JSON-able values."""
-        ...
 
 
 FIELDS: dict[str, Callable[..., EscapeField]] = {

@@ -7,7 +7,8 @@ import numpy as np
 from piec_envs.errors import InvalidParameterError, as_floats, check_name
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT, BatchedField
 from piec_envs.escape.between import Field, point_gradient, value
-from piec_envs.escape.disc import make_disc, make_scratch, place_robot, solve_disc
+from piec_envs.escape.disc import make_disc, make_scratch, place_robot
+from piec_envs.escape.eikonal import solve_disc
 from piec_envs.escape.paths import configuration_gradient
 from piec_envs.escape.spatial import SpatialDisc
 from piec_envs.escape.speed import SpeedModel

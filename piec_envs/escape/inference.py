@@ -12,30 +12,14 @@ from piec_envs.escape.features import (
     describe,
     describe_back,
     joint_gradient,
-    pairs,
     place_skeleton,
 )
-from piec_envs.escape.perceptron import PackedLayers, backward, forward, pack_layers
-from piec_envs.escape.weights import FieldWeights
+from piec_envs.escape.perceptron import backward, forward
 from piec_envs.geometry.kinematics import base_gradient, link_frames
 from piec_envs.held import Held
 from piec_envs.kernels import batch_kernel, kernel
-from piec_envs.world.robots import get_robot
 
 SHIFT = 3.0  # T = T_0 exp(softplus(z - SHIFT)), so that an untrained network is close to T_0
-
-
-class PackedNetwork(NamedTuple):
-    """A learned field for the compiled kernels."""
-
-    layers: PackedLayers  # the weights
-    # `pairs` (K, 2), and the distance at which walls of links meet, m
-    gaps: tuple[np.ndarray, np.float32]
-    tip: np.ndarray  # (2,) m, in the last frame
-    base: int  # leading joints that move the base
-    geometric: bool  # inputs "skeleton", else "raw"
-    radius: float  # of the workspace, m
-    u_bar: float  # m/s
 
 
 class Block(NamedTuple):
@@ -273,38 +257,3 @@ def describe_rows(lo, hi, robot, network, q, points, out):
             row = number // columns
             for f in range(out.shape[2]):
                 out[row, number - row * columns, f] = block.x[f, number - first]
-
-
-def meeting_distance(robot_name: str, d0: float) -> float:
-    """Distance between the skeletons of two links at which the walls around them meet.
-
-    Args:
-        robot_name: a row of the table of robots.
-        d0: thickness of the wall, m.
-
-    Returns:
-        2 (half width of a link + d0), m.
-    """
-    return 2 * (get_robot(robot_name).half_width + d0)
-
-
-def pack_network(weights: FieldWeights) -> PackedNetwork:
-    """Pack a learned field; the normalisation of its inputs goes into the first layer."""
-    robot = get_robot(weights.robot)
-    arrays = {name: np.asarray(array, dtype=float) for name, array in weights.arrays.items()}
-    w_in = arrays["w_in"] / arrays["scale"]
-    b_in = arrays["b_in"] - w_in @ arrays["mean"]
-    return PackedNetwork(
-        layers=pack_layers(
-            w_in, b_in, arrays["w"], arrays["b"], arrays["w_out"], arrays["b_out"][0]
-        ),
-        gaps=(
-            pairs(robot.dof - robot.base_dof),
-            np.float32(meeting_distance(weights.robot, weights.speed.d0)),
-        ),
-        tip=robot.tip,
-        base=robot.base_dof,
-        geometric=weights.inputs == "skeleton",
-        radius=float(robot.workspace_radius),
-        u_bar=weights.speed.u_bar,
-    )

@@ -12,7 +12,8 @@ from piec_envs.errors import WeightsError
 from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import Field
 from piec_envs.escape.grid import GridField
-from piec_envs.escape.inference import answer_rows, describe_rows, make_answerer, pack_network
+from piec_envs.escape.inference import answer_rows, describe_rows, make_answerer
+from piec_envs.escape.packed_network import pack_network
 from piec_envs.escape.weights import FieldWeights, find_weights, shipped_file
 from piec_envs.held import PerThread
 from piec_envs.parallel import run_rows

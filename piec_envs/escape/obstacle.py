@@ -11,10 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from piec_envs.errors import InvalidParameterError, InvalidStateError, check_name
-from piec_envs.escape.base import FieldMap, draw_map, find_path
+from piec_envs.escape.base import draw_map, find_path
 from piec_envs.escape.between import value
-from piec_envs.escape.disc import make_disc, make_scratch, solve_disc
+from piec_envs.escape.disc import make_disc, make_scratch
+from piec_envs.escape.eikonal import solve_disc
 from piec_envs.escape.grid import METHODS
+from piec_envs.escape.protocol import FieldMap
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.kernels import batch_kernel
 from piec_envs.world.packed import pack_shapes

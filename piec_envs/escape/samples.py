@@ -11,8 +11,9 @@ from piec_envs.geometry.kinematics import link_frames, place_shapes
 from piec_envs.kernels import batch_kernel
 from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
+from piec_envs.world.robots.robot import LEAST_CURL
 
-CURL = (0.6, 2.6)  # rad, by which every turning joint but the first bends in a curled configuration
+CURL = (LEAST_CURL, 2.6)  # rad, how far joints bend in a curled configuration
 CLOSING = (0.0, 0.1)  # m, range of the distance between two links in a closing configuration
 CURLED_REACH = 0.35  # m, points of the curled set lie this close to the robot's centroid
 
@@ -85,7 +86,7 @@ def draw_configurations(
     if kind == "curled":
         first = robot.base_dof + 1
         straight = robot.straight
-        side = rng.choice(robot.curl_sides(CURL[0]), size=(rows, 1))
+        side = rng.choice(robot.curl_sides(), size=(rows, 1))
         bend = side * rng.uniform(*CURL, size=(rows, robot.dof - first))
         q[:, first:] = np.clip(straight[first:] + bend, lower[first:], upper[first:])
     return q

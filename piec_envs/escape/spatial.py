@@ -11,7 +11,8 @@ import numpy as np
 from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT
 from piec_envs.escape.between import Field, point_gradient, value
-from piec_envs.escape.disc import BAND, REACH, Disc, make_scratch, solve_measured
+from piec_envs.escape.disc import Disc, make_scratch
+from piec_envs.escape.eikonal import BAND, REACH, solve_measured
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
 from piec_envs.escape.speed import PackedSpeed, slowness_slope
 from piec_envs.geometry.rdf import panda_distance_field

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.escape.base import ALL_GRADIENTS, POINT_GRADIENT
-from piec_envs.escape.disc import Disc, make_disc, make_scratch, place_robot, solve_disc
+from piec_envs.escape.disc import Disc, make_disc, make_scratch, place_robot
+from piec_envs.escape.eikonal import solve_disc
 from piec_envs.escape.marching import sort_by_time
 from piec_envs.escape.speed import SpeedModel, slowness
 from piec_envs.escape.sweeping import FAR

@@ -48,14 +48,26 @@ def make_placed(scene):
 
 @inlined_kernel
 def place_robot(robot, q, placed):
-    """Frames and shapes of a robot at joint positions (n,)."""
+    """Frames and shapes of a robot.
+
+    Args:
+        robot: a `PackedRobot`.
+        q: joint positions, shape (n,), rad or m.
+        placed: a `Placed`; the robot's part is written.
+    """
     link_frames(robot, q, placed.frames)
     place_shapes(robot.shapes, placed.frames, placed.robot_vertices, placed.robot_centres)
 
 
 @inlined_kernel
 def place_object(item, pose, placed):
-    """Frame and shapes of an object at a pose (3,)."""
+    """Frame and shapes of an object.
+
+    Args:
+        item: a `PackedObject`.
+        pose: its x, y, angle, shape (3,), m and rad.
+        placed: a `Placed`; the object's part is written.
+    """
     pose_frame(pose, placed.object_frame)
     place_shapes(item.shapes, placed.object_frame, placed.object_vertices, placed.object_centres)
 
@@ -78,7 +90,13 @@ def place_scene(scene, q, pose, placed, distances):
 
 @inlined_kernel
 def measure_pair(scene, i, k, placed):
-    """`core_distance` of robot shape i and object shape k, written to `placed.pairs`."""
+    """`core_distance` of two shapes.
+
+    Args:
+        scene: a `Scene`.
+        i, k: numbers of the robot's and the object's shape.
+        placed: a `Placed`; `pairs[i, k]` is written.
+    """
     arm, item, pair = scene.robot.shapes, scene.object.shapes, placed.pairs[i, k]
     pair[0], pair[1], pair[2] = core_distance(
         placed.robot_vertices, arm.first[i], arm.first[i + 1],
@@ -162,8 +180,7 @@ def point_distance(shapes, robot_vertices, x, y):
 
 @kernel
 def least_distance(shapes, vertices, centres, x, y):
-    """Signed distance from a point to the whole robot, m: `point_distance` without the closest
-    point.
+    """Signed distance from a point to the whole robot: `point_distance` without the closest point.
 
     Shapes whose bounding circles are farther away than the nearest shape so far are passed over.
 
@@ -171,6 +188,9 @@ def least_distance(shapes, vertices, centres, x, y):
         shapes: the robot's `PackedShapes`.
         vertices, centres: of its shapes, from `place_shapes`.
         x, y: the point, m.
+
+    Returns:
+        The distance, m.
     """
     best = np.inf
     for i in range(shapes.radius.shape[0]):
@@ -184,7 +204,15 @@ def least_distance(shapes, vertices, centres, x, y):
 
 @kernel
 def self_distance(robot, robot_vertices):
-    """Least signed distance between two links that could collide, m (inf if there are none)."""
+    """Least signed distance between two links that could collide.
+
+    Args:
+        robot: a `PackedRobot`.
+        robot_vertices: its shapes' vertices from `place_shapes`.
+
+    Returns:
+        The distance, m; inf if there are no such links.
+    """
     shapes = robot.shapes
     best = np.inf
     for p in range(robot.apart.shape[0]):

@@ -52,7 +52,12 @@ def place_shapes(shapes, frames, vertices, centres):
 
 @inlined_kernel
 def pose_frame(pose, frames):
-    """Frame of a pose (x, y, angle) as the single row of `frames`, shape (1, 4)."""
+    """Frame of a pose.
+
+    Args:
+        pose: x, y, angle, shape (3,), m and rad.
+        frames: output, x, y (m), cos and sin, shape (1, 4).
+    """
     frames[0, 0], frames[0, 1] = pose[0], pose[1]
     frames[0, 2], frames[0, 3] = np.cos(pose[2]), np.sin(pose[2])
 

@@ -118,7 +118,16 @@ def _separation(a, a_first, a_last, b, b_first, b_last):
 
 @kernel
 def front_of(vertices, first, last, n_x, n_y):
-    """Least coordinate of a polygon's vertices along n, m."""
+    """Least coordinate of a polygon's vertices along a direction.
+
+    Args:
+        vertices: shape (V, 2), m; the polygon owns rows first to last - 1.
+        first, last: row range.
+        n_x, n_y: the direction, of length 1.
+
+    Returns:
+        The coordinate, m.
+    """
     front = np.inf
     for v in range(first, last):
         front = min(front, vertices[v, 0] * n_x + vertices[v, 1] * n_y)
@@ -130,8 +139,9 @@ def core_distance(a, a_first, a_last, b, b_first, b_last):
     """Signed distance of two convex cores and the normal from a to b.
 
     Args:
-        a, a_first, a_last: world vertices of the first polygon and their row range.
-        b, b_first, b_last: the same of the second.
+        a, b: world vertices of the two polygons, shape (V, 2) each, m.
+        a_first, a_last: row range of the first.
+        b_first, b_last: row range of the second.
 
     Returns:
         (distance, n_x, n_y); the distance is minus the least separating translation on overlap.

@@ -38,7 +38,7 @@ class Yardstick(NamedTuple):
     """What states are measured by and observed with."""
 
     prior: int  # index into PRIORS, or -1 for none
-    weights: CostWeights
+    weights: CostWeights  # of the stage cost
     goal: np.ndarray  # (2,) m
     reference: np.ndarray  # (M, 2) m; no rows for a goal task
     horizon: int  # time index of the last state

@@ -29,6 +29,9 @@ class Measured(NamedTuple):
         Args:
             rows: row numbers.
             other: one row for each of them.
+
+        Returns:
+            New arrays.
         """
         copies = [array.copy() for array in self]
         for array, fresh in zip(copies, other, strict=True):

@@ -32,6 +32,13 @@ def start_names(robot_name: str) -> tuple[str, ...]:
 def checked_start(start: str | Sequence[float], robot_name: str) -> str | tuple[float, ...]:
     """A `start` argument, validated, with "auto" replaced by what it stands for.
 
+    Args:
+        start: a name, "auto", or joint positions, rad or m.
+        robot_name: row of the table of robots.
+
+    Returns:
+        A name of the table, or joint positions.
+
     Raises:
         UnknownNameError: for a name that the robot does not have.
         InvalidParameterError: for joint positions of the wrong number, not finite or beyond the
@@ -54,7 +61,15 @@ def checked_start(start: str | Sequence[float], robot_name: str) -> str | tuple[
 
 
 def start_posture(start: str | Sequence[float], robot_name: str) -> np.ndarray:
-    """The joint positions that a `start` argument stands for, shape (n,), rad or m."""
+    """The joint positions that a `start` argument stands for.
+
+    Args:
+        start: a name, "auto", or joint positions, rad or m.
+        robot_name: row of the table of robots.
+
+    Returns:
+        Shape (n,), rad or m.
+    """
     start = checked_start(start, robot_name)
     if start == HOME:
         return get_robot(robot_name).home

@@ -62,7 +62,15 @@ class State:
 
     @staticmethod
     def zeros(rows: int, dof: int) -> State:
-        """A blank state of the right shapes."""
+        """A blank state of the right shapes.
+
+        Args:
+            rows: B.
+            dof: n, joints of the robot.
+
+        Returns:
+            The state.
+        """
         return State(
             q_r=np.zeros((rows, dof)),
             q_cmd=np.zeros((rows, dof)),
@@ -137,6 +145,10 @@ class State:
 
     def check(self, rows: int, robot: Robot) -> None:
         """Refuse a state that could not have come from `rows` episodes of a robot.
+
+        Args:
+            rows: B.
+            robot: the robot.
 
         Raises:
             InvalidStateError: if an array has the wrong shape or is not finite, a step is negative,

@@ -102,7 +102,7 @@ COS_Q, SIN_Q, Q_R, Q_CMD, OBJECT, GOAL, REFERENCE, TIME = range(8)
 class Layout(NamedTuple):
     """Where the terms of one robot and task stand in an observation."""
 
-    slices: dict[str, slice]
+    slices: dict[str, slice]  # places of the terms in it, by name
     bound: np.ndarray  # (size,) largest absolute values
     # (terms,) int64, first entry of each term of TERMS; -1 where it is left out
     offsets: np.ndarray
@@ -142,9 +142,9 @@ def observation_layout(robot: Robot, task: Tracking) -> Layout:
 class Measure(NamedTuple):
     """A number measured of each state."""
 
-    name: str
-    unit: str
-    meaning: str
+    name: str  # as in MEASURES
+    unit: str  # "" without one
+    meaning: str  # in a few words
 
 
 MEASURES: tuple[Measure, ...] = (

@@ -1,34 +1,36 @@
 # The public names of `piec_envs.rendering`, by topic; see `piec_envs/__init__.pyi`.
 
 # Colours
-from .drawing import GOAL as GOAL
-from .drawing import INK as INK
-from .drawing import KEY_POINT as KEY_POINT
-from .drawing import OBJECT as OBJECT
-from .drawing import PALE as PALE
-from .drawing import TOUCHED as TOUCHED
+from .colours import GOAL as GOAL
+from .colours import INK as INK
+from .colours import KEY_POINT as KEY_POINT
+from .colours import OBJECT as OBJECT
+from .colours import PALE as PALE
+from .colours import TOUCHED as TOUCHED
 from .field import WALL as WALL
 
-# Robots, objects and paths on an axis of Matplotlib
-from .drawing import draw_escape_circle as draw_escape_circle
-from .drawing import draw_escape_path as draw_escape_path
+# Robots and objects on an axis of Matplotlib
 from .drawing import draw_ghost as draw_ghost
-from .drawing import draw_goal as draw_goal
 from .drawing import draw_key_points as draw_key_points
 from .drawing import draw_loose as draw_loose
 from .drawing import draw_object as draw_object
-from .drawing import draw_reference as draw_reference
 from .drawing import draw_robot as draw_robot
-from .drawing import draw_trail as draw_trail
-from .drawing import draw_workspace as draw_workspace
+from .drawing import union_patch as union_patch
+
+# Paths and regions
+from .paths import draw_escape_circle as draw_escape_circle
+from .paths import draw_escape_path as draw_escape_path
+from .paths import draw_goal as draw_goal
+from .paths import draw_reference as draw_reference
+from .paths import draw_trail as draw_trail
+from .paths import draw_workspace as draw_workspace
+from .paths import rim as rim
 
 # What those are made of
-from .drawing import arm_outlines as arm_outlines
-from .drawing import base_position as base_position
-from .drawing import link_outlines as link_outlines
-from .drawing import rim as rim
-from .drawing import scenery_outlines as scenery_outlines
-from .drawing import union_patch as union_patch
+from .outlines import arm_outlines as arm_outlines
+from .outlines import base_position as base_position
+from .outlines import link_outlines as link_outlines
+from .outlines import scenery_outlines as scenery_outlines
 
 # Escape fields
 from .field import FIELD_TOP as FIELD_TOP

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from piec_envs.escape.base import BatchedField, FieldMap
+from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import distance_at
 from piec_envs.escape.field import (
     CAGING_SCALE,
@@ -26,8 +26,10 @@ from piec_envs.escape.field import (
     object_escape_time,
 )
 from piec_envs.escape.grid import GridField
+from piec_envs.escape.protocol import FieldMap
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import PATH, cased_line, escape_line, rim
+from piec_envs.rendering.colours import PATH
+from piec_envs.rendering.paths import cased_line, escape_line, rim
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import get_robot
 

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from piec_envs.escape.base import FieldMap
 from piec_envs.escape.field import CAGING_SCALE
+from piec_envs.escape.protocol import FieldMap
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import draw_workspace, link_outlines, union_patch
+from piec_envs.rendering.drawing import union_patch
+from piec_envs.rendering.outlines import link_outlines
+from piec_envs.rendering.paths import draw_workspace
 from piec_envs.world.robots import Robot
 
 if TYPE_CHECKING:

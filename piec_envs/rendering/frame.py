@@ -9,20 +9,12 @@ import numpy as np
 from piec_envs.dynamics.protocol import CONTROL_PERIOD
 from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.escape.speed import SpeedModel
-from piec_envs.rendering.drawing import (
-    INK,
-    base_position,
-    draw_goal,
-    draw_key_points,
-    draw_loose,
-    draw_object,
-    draw_reference,
-    draw_robot,
-    draw_trail,
-    draw_workspace,
-)
+from piec_envs.rendering.colours import INK
+from piec_envs.rendering.drawing import draw_key_points, draw_loose, draw_object, draw_robot
 from piec_envs.rendering.escape import ENCLOSED, Escape, draw_escape, solve_escape
 from piec_envs.rendering.field import FieldStyle, draw_field
+from piec_envs.rendering.outlines import base_position
+from piec_envs.rendering.paths import draw_goal, draw_reference, draw_trail, draw_workspace
 from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import Object, get_object
 from piec_envs.world.robots import Robot, get_robot

@@ -10,8 +10,9 @@ import numpy as np
 
 from piec_envs.dynamics.free_bodies import poses_at_start, upright
 from piec_envs.model.task import GOAL_RADIUS
-from piec_envs.rendering.drawing import base_position
 from piec_envs.rendering.opengl import Offscreen
+from piec_envs.rendering.outlines import base_position
+from piec_envs.rendering.space_model import COLUMN, lit_model
 from piec_envs.rendering.view import View, episode_view
 from piec_envs.world.objects import get_object
 
@@ -28,16 +29,13 @@ AZIMUTH = 90.0
 DISTANCE = 2.68
 BEFORE = 0.09
 TABLE = (0.93, 0.93, 0.91, 1.0)
-HIDDEN = (0.0, 0.0, 0.0, 0.0)
-# where the base slides, and of its workspace
+# of the floor where the base slides, and of the rim of its workspace
 FLOOR = (0.85, 0.86, 0.87, 1.0)
 RIM = (0.84, 0.27, 0.24, 1.0)
 # over the view's half; m; m, of what marks the base
 FLOOR_RADIUS = 4.0
 RIM_WIDTH = 0.012
 PLATE_RADIUS = 0.11
-BACKGROUND = (0.80, 0.84, 0.89)
-MEASURE_COLUMNS = (0.20, 0.23, 0.29, 1.0)
 GOAL = (0.12, 0.65, 0.47, 1.0)
 TRAIL = (0.96, 0.70, 0.20, 1.0)
 # of the table top, and of flat discs on it, m
@@ -183,66 +181,8 @@ class SpaceFrames:
         """What draws a scene, opened with its first frame."""
         key = (robot.name, object_name)
         if key not in self._opened:
-            self._opened[key] = Offscreen(partial(_model, robot, object_name), SIZE)
+            self._opened[key] = Offscreen(partial(lit_model, robot, object_name, SIZE), SIZE)
         return self._opened[key]
-
-
-# --- scene -------------------------------------------------------------------------------------
-
-
-def _model(robot: Robot, object_name: str) -> Any:
-    """The scene's model with lights and a base column, for pictures alone."""
-    import mujoco
-
-    from piec_envs.dynamics.mjcf import build_spec
-
-    item = get_object(object_name)
-    spec = build_spec(robot, item, friction=1.0)
-    for geom in spec.geoms:
-        if geom.name == "table":
-            geom.rgba = HIDDEN  # without end; the workspace is drawn as a round one
-    if not any(link.frame == robot.base_dof for link in robot.scenery):
-        base = spec.body(robot.joints[robot.base_dof - 1].name if robot.base_dof else "base")
-        base.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            size=[0.07, 0.6 * item.height, 0],
-            pos=[0, 0, 0.1 * item.height],
-            rgba=MEASURE_COLUMNS,
-            contype=0,
-            conaffinity=0,
-            mass=0,
-        )
-    for position, shade in (((-1.6, 0.9, 2.8), 0.42), ((1.2, -1.4, 2.6), 0.22)):
-        spec.worldbody.add_light(
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-            pos=position,
-            dir=[-c for c in position],
-            diffuse=3 * [shade],
-            specular=3 * [0.12],
-            castshadow=True,
-        )
-    spec.add_texture(
-        name="background",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=BACKGROUND,
-        rgb2=BACKGROUND,
-        width=64,
-        height=384,
-    )
-    spec.stat.center = [0, 0, 0]
-    spec.stat.extent = 1.5 * robot.workspace_radius
-    visual = spec.visual
-    visual.global_.offwidth = visual.global_.offheight = SIZE
-    visual.headlight.ambient = 3 * [0.38]
-    visual.headlight.diffuse = 3 * [0.08]
-    visual.headlight.specular = 3 * [0.0]
-    visual.quality.shadowsize = 4096
-    visual.quality.offsamples = 8
-    visual.quality.numslices = 64
-    # over the extent; beyond it shadows turn to noise
-    visual.map.shadowclip = 2.5 if robot.base_dof else 1.0
-    return spec.compile()
 
 
 def _camera(view: View) -> Any:
@@ -270,7 +210,7 @@ def _ground(robot: Robot, q: np.ndarray, view: View) -> list[Mark]:
         Mark(view.centre, FLOOR_RADIUS * view.half, -2 * MARK_HEIGHT, FLOOR),
         Mark(base, radius, -MARK_HEIGHT, RIM),
         Mark(base, radius - RIM_WIDTH, 0.0, TABLE),
-        Mark(base, PLATE_RADIUS, 0.25 * MARK_HEIGHT, MEASURE_COLUMNS),
+        Mark(base, PLATE_RADIUS, 0.25 * MARK_HEIGHT, COLUMN),
     ]
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.model.task import Task
-from piec_envs.rendering.drawing import arm_outlines, base_position
+from piec_envs.rendering.outlines import arm_outlines, base_position
 from piec_envs.world.objects import Object
 from piec_envs.world.robots import Robot
 

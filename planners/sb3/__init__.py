@@ -16,7 +16,7 @@ _LAZY = {
     "AgentPolicy": "agent",
     "NativeVecEnv": "vec_env",
     "default_spec": "hyperparameters",
-    "open_loop": "agent",
+    "open_loop": "nominal",
     "train": "training",
 }
 

@@ -11,11 +11,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from piec_envs import AgentError, InvalidObservationError, PiecError, files, provenance
-from planners.base import OpenLoopPolicy, realised_plan
 from planners.made_for import disturbed_kwargs, model_kwargs, task_kwargs
 from planners.observed import ObservationReader
 from planners.sb3.algorithms import get_algorithm
@@ -25,18 +23,6 @@ from planners.sb3.spec import TrainSpec
 
 FORMAT = "piec-agent-1"
 LEARNERS = ("stable-baselines3", "sb3-contrib", "torch")
-# What the nominal model has not: noise, and what only the interface of the training saw.
-NOT_NOMINAL = (
-    "start_noise",
-    "disturbance",
-    "disturbance_kind",
-    "adversary",
-    "randomize",
-    "action_repeat",
-    "goal_conditioned",
-    "threads",
-    "max_episode_steps",
-)
 # Only learning needs these; schedules are functions, and buffers are large.
 UNNEEDED: dict[str, Any] = {
     "learning_rate": 0.0,
@@ -278,49 +264,3 @@ class AgentPolicy:
             raise InvalidObservationError(
                 f"this agent observes {kinds[wanted]}, got {kinds[given]}"
             )
-
-
-def open_loop(agent: Agent) -> OpenLoopPolicy:
-    """The agent's nominal episode, executed blindly: the same for every row and seed.
-
-    The agent acts once on the nominal model, from the task's own start and without noise. The joint
-    path that this episode realises becomes a plan, exactly as the path that CMA-ES finds does, and
-    is executed by the same policy: open loop in the object, absolute in the joints. What is left to
-    compare is which motion was found, and not who could see.
-
-    Args:
-        agent: the agent.
-
-    Returns:
-        The policy; its `plan` may be saved.
-
-    Raises:
-        AgentError: if the environment is no longer the one that the agent was trained on.
-    """
-    trained = agent.spec.env_kwargs
-    nominal = {name: value for name, value in trained.items() if name not in NOT_NOMINAL}
-    seen = {name: trained[name] for name in ("goal_conditioned",) if name in trained}
-    env: Any = gym.make(agent.env_id, disable_env_checker=True, **nominal, **seen).unwrapped
-    agent.check_fits(agent.env_id, env.observation_space, env.action_space)
-    observation, _ = env.reset(seed=0)
-    start = env.get_state()
-    policy = AgentPolicy(agent)
-    held = None
-    commands = []
-    for _ in range(agent.horizon):
-        action, held = policy.predict(observation, state=held)
-        observation, *_ = env.step(action)
-        commands.append(env.get_state().q_cmd[0])
-    path = np.array(commands)
-    plan = realised_plan(
-        env.model,
-        start,
-        path,
-        env_id=agent.env_id,
-        env_kwargs=nominal,
-        via_points=path[-1:],
-        objective=agent.spec.algo,
-        preset=env.config.preset,
-        seed=agent.spec.seed,
-    )
-    return OpenLoopPolicy(plan)

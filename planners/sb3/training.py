@@ -29,9 +29,10 @@ from planners.sb3.checkpoint import (
     write_checkpoint,
 )
 from planners.sb3.hyperparameters import model_arguments, normalisation_arguments
-from planners.sb3.normalisation import normalise, restore_statistics, statistics_of
+from planners.sb3.normalisation import restore_statistics, statistics_of
+from planners.sb3.scoring import score
 from planners.sb3.spaces import check_spaces, described
-from planners.sb3.spec import EVALUATION_SEED, TrainSpec
+from planners.sb3.spec import TrainSpec
 from planners.sb3.vec_env import NativeVecEnv
 
 AGENT = "agent.zip"
@@ -79,36 +80,6 @@ def read_curve(folder: str | os.PathLike) -> list[dict[str, Any]]:
     return [
         json.loads(line) for line in (Path(folder) / CURVE).read_text(encoding="utf-8").splitlines()
     ]
-
-
-def score(model: Any, venv: NativeVecEnv) -> dict[str, float]:
-    """Evaluate a model for one episode in each row, always from the same starts.
-
-    Args:
-        model: of Stable-Baselines3.
-        venv: rows of their own.
-
-    Returns:
-        "success_rate", and the means "return" and "d2g" (m).
-    """
-    statistics = statistics_of(model.get_vec_normalize_env())
-    venv.seed(EVALUATION_SEED)
-    observation = venv.reset()
-    returns = np.zeros(venv.num_envs)
-    running = np.ones(venv.num_envs, dtype=bool)
-    finals: list[dict[str, Any]] = [{} for _ in range(venv.num_envs)]
-    while running.any():
-        action, _ = model.predict(normalise(observation, statistics), deterministic=True)
-        observation, reward, ended, infos = venv.step(action)
-        returns += running * reward
-        for row in np.flatnonzero(ended & running).tolist():
-            finals[row] = infos[row]
-        running &= ~ended
-    return {
-        "success_rate": float(np.mean([final["is_success"] for final in finals])),
-        "return": float(returns.mean()),
-        "d2g": float(np.mean([final["d2g"] for final in finals])),
-    }
 
 
 class Training:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from piec_envs.dynamics.free_bodies import SUNK, poses_at_start, rest_state
-from piec_envs.dynamics.mjcf import RAISED, mujoco_model
+from piec_envs.dynamics.geoms import RAISED
+from piec_envs.dynamics.mjcf import mujoco_model
 from piec_envs.dynamics.mujoco_ import MujocoDynamics
 from piec_envs.dynamics.protocol import Commands, Plant
 from piec_envs.world.objects import OBJECTS, get_object

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.escape import GridField, SpeedModel
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
-from piec_envs.world.robots import ROBOTS, Joint, Link, Robot, get_robot
 
 R, U_BAR = 1.4, 0.05
 CAGE_Q = np.array([-0.5, 1.75, 1.6, 1.6])  # the arm closes a ring around CAGE_POINT
@@ -252,52 +251,3 @@ def test_bad_arguments_are_refused(field):
         field.query(np.zeros((2, 1, 2)), np.zeros((3, 4)))
     with pytest.raises(InvalidStateError, match="finite"):
         field.query(np.array([[np.nan, 0]]), np.zeros(4))
-
-
-def sliding_arm() -> Robot:
-    """The planar arm on a base that slides in x and y."""
-    arm = get_robot("planar_arm")
-    slide = {"lower": -5.0, "upper": 5.0, "speed_limit": 0.05, "max_lead": 0.01, "stiffness": 500.0}
-    slide |= {"damping": 60.0, "armature": 0.1, "effort": 20.0}
-    base = tuple(
-        Joint(n, (0.0, 0.0, 0.0), a, **slide)
-        for n, a in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
-    )
-    links = tuple(Link(link.name, link.frame + 2, link.shapes) for link in arm.links)
-    return Robot("sliding_arm", base + arm.joints, links, np.zeros(6), arm.workspace_radius)
-
-
-def test_the_disc_moves_with_the_base(monkeypatch):
-    monkeypatch.setitem(ROBOTS, "sliding_arm", sliding_arm)
-    field, fixed = GridField("sliding_arm"), GridField("planar_arm")
-    points, q = sample("curled", 4, 5)
-    shift = np.array([1.3, -2.1])
-    moved = np.concatenate([np.broadcast_to(shift, (4, 2)), q], axis=1)
-    T, dT_dp, dT_dq = field.gradients(points + shift, moved)
-    expected = fixed.gradients(points, q)
-    np.testing.assert_allclose(T, expected[0], rtol=1e-9)
-    np.testing.assert_allclose(dT_dq[..., 2:], expected[2], rtol=1e-6, atol=1e-6)
-    assert (dT_dq[..., :2] == -dT_dp).all()
-    drawn, path = field.solve(moved[0]), field.escape_path(points[0, 0] + shift, moved[0])
-    assert drawn.x.mean() == pytest.approx(1.3) and drawn.y.mean() == pytest.approx(-2.1)
-    np.testing.assert_allclose(path - shift, fixed.escape_path(points[0, 0], q[0]), atol=1e-6)
-
-
-def test_a_larger_workspace_adds_a_straight_way_out():
-    """Beyond the arm's reach an object flees at u_bar: T grows by the added radius over u_bar, and
-    T - T_0 stays.
-    """
-    own = get_robot("franka").workspace_radius
-    points, q = np.array([[0.1, -0.4], [0.2, -0.3]]), np.array([0.4, -1.5, 1.2])  # beside the arm
-    small, large = (  # nodes equally dense
-        GridField("franka", round(160 * radius / own), "marching", radius=radius).query(points, q)
-        for radius in (own, 2.0)
-    )
-    np.testing.assert_allclose(large - small, (2.0 - own) / U_BAR, rtol=0.01)
-    assert GridField("franka").radius == own
-
-
-@pytest.mark.parametrize("radius", [0.0, -1.0, float("nan"), "wide"])
-def test_a_workspace_without_a_radius_is_refused(radius):
-    with pytest.raises(InvalidParameterError, match="radius"):
-        GridField("franka", radius=radius)

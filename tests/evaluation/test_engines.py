@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
-from evaluation import engines
+from evaluation import slurm_workers
 from evaluation.engines import ENGINES, open_engine
 from evaluation.jobs import Context, Work, call, run_jobs, run_recorded
 from evaluation.records import read_records
@@ -87,10 +87,10 @@ def workers(request, chores, tmp_path, monkeypatch):
     # submitit's own stand-in for a cluster: processes of this machine
     elif request.param == "slurm":
         pytest.importorskip("submitit")
-        monkeypatch.setattr(engines, "LATE_SECONDS", 1.0)
+        monkeypatch.setattr(slurm_workers, "LATE_SECONDS", 1.0)
         options = {"cluster": "local", "folder": str(tmp_path / "slurm"), "timeout_min": 2}
-    monkeypatch.setattr(engines, "RETRIES", 1)
-    monkeypatch.setattr("evaluation.jobs.RETRIES", 1)
+    for module in ("jobs", "ray_workers", "slurm_workers"):
+        monkeypatch.setattr(f"evaluation.{module}.RETRIES", 1)
     return lambda: open_engine(request.param, 2, options)
 
 
@@ -168,7 +168,7 @@ def test_a_lost_job_keeps_nobody_waiting(workers, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(time, "sleep", lambda seconds: pytest.fail("the watcher sleeps"))
             assert not lost.done() and lost.job is first  # its answer may be late
-            now = time.monotonic() + engines.LATE_SECONDS
+            now = time.monotonic() + slurm_workers.LATE_SECONDS
             patch.setattr(time, "monotonic", lambda: now)
             assert not lost.done() and lost.job is not first
         with pytest.raises(EngineError, match="lost 2 times"):
@@ -199,7 +199,7 @@ def test_workers_with_other_versions_are_refused():
 
 @pytest.mark.parametrize("name", ["ray", "slurm"])
 def test_a_missing_package_names_its_extra(name, monkeypatch):
-    monkeypatch.setattr(engines, "find_spec", lambda package: None)
+    monkeypatch.setattr("evaluation.workers.find_spec", lambda package: None)
     with (
         pytest.raises(MissingDependencyError, match=re.escape(install_command(name))),
         open_engine(name),

@@ -15,13 +15,12 @@ from hypothesis import strategies as st
 
 from evaluation import evaluate
 from evaluation.cli import main
-from evaluation.plants import PLANTS, check_suits, plant_in_force, plant_line
-from evaluation.protocols import PROTOCOLS, family, get_protocol, laid_over
+from evaluation.plants import PLANTS, plant_in_force, plant_line
+from evaluation.protocols import laid_over
 from evaluation.records import read_records, work_key
 from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import InvalidParameterError, PlanError, UnknownNameError
 from piec_envs.model.task import TASKS
-from piec_envs.world.objects import OBJECTS
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import OBJECTIVES
 
@@ -180,52 +179,6 @@ def test_laying_over_keeps_the_changes_and_draws_nothing_of_them(base, drawn, ch
     assert merged == {**base, **changes}
     assert left == {name: choices for name, choices in drawn.items() if name not in changes}
     assert laid_over(whole, {"randomize": None})["randomize"] is None
-
-
-@pytest.mark.parametrize("name", [name for name, row in PROTOCOLS.items() if row.randomize])
-def test_what_a_protocol_draws_is_laid_over_what_was_drawn(name):
-    drawn = get_protocol(name).env_kwargs(
-        {"randomize": {"inertia": ["own", "paper"], "friction": [0.0, 1.0]}}
-    )
-    assert drawn["randomize"] == {"inertia": ["own", "paper"], **get_protocol(name).randomize}
-
-
-@pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
-@pytest.mark.parametrize("name", [name for name, row in PROTOCOLS.items() if row.objects])
-def test_protocols_are_about_the_objects_of_their_own_task(task, name):
-    """Each is taken by the tasks whose object it stands around, and by no others, and says which
-    there are.
-    """
-    env_ids = {
-        "planar_arm": PUSH,
-        "mobile_franka": "piec_envs/MobileFrankaPush-v0",
-        "franka": "piec_envs/FrankaPush-v0",
-    }
-    env_id = env_ids[task.robot]
-    bare = {} if env_id == PUSH else {"geometry": "capsules", "start": "home"}
-    protocol = get_protocol(name)
-    if {family(item) for item in protocol.objects} == {task.object}:
-        check_suits(protocol, env_id, bare)
-        return
-    with pytest.raises(
-        InvalidParameterError, match=f"'{name}' puts .*but the object of '{env_id}'"
-    ) as caught:
-        check_suits(protocol, env_id, bare)
-    listed = (
-        str(caught.value).partition("objects for it: ")[2].partition(", and all")[0].split(", ")
-    )
-    assert listed and name not in listed
-    for other in listed:
-        check_suits(get_protocol(other), env_id, bare)
-
-
-def test_objects_of_protocols_stand_around_others_of_the_table():
-    named = {item for row in PROTOCOLS.values() for item in row.objects}
-    assert named and named <= set(OBJECTS)
-    for name in named:
-        planned_as, true = OBJECTS[family(name)], OBJECTS[name]
-        assert planned_as.name != name
-        assert np.isin(np.round(planned_as.key_points, 9), np.round(true.key_points, 9)).all()
 
 
 def test_a_protocol_of_another_robot_is_refused_before_anything_runs(other_plan, tmp_path, capsys):

@@ -5,11 +5,15 @@ import numpy as np
 import pytest
 
 import piec_envs  # noqa: F401  registers the environments
-from evaluation.protocols import PROTOCOLS, get_protocol, is_random
+from evaluation.plants import check_suits
+from evaluation.protocols import PROTOCOLS, family, get_protocol, is_random
 from piec_envs.dynamics.plant import PlantParams
 from piec_envs.env.config import EnvConfig
-from piec_envs.errors import UnknownNameError
+from piec_envs.errors import InvalidParameterError, UnknownNameError
+from piec_envs.model.task import TASKS
+from piec_envs.world.objects import OBJECTS
 
+PUSH = "piec_envs/PlanarArmPush-v0"
 # these have starts of their own, and no twin
 REAL = [name for name in PROTOCOLS if name.startswith("sim-to-real-")]
 PLAIN = [name for name in PROTOCOLS if not name.endswith("-start") and name not in REAL]
@@ -122,3 +126,49 @@ def test_a_protocol_overrides_the_users_arguments_and_keeps_the_others():
 def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(UnknownNameError, match=r"disturbance-5mm.*nominal"):
         get_protocol("disturbance-7mm")
+
+
+@pytest.mark.parametrize("name", [name for name, row in PROTOCOLS.items() if row.randomize])
+def test_what_a_protocol_draws_is_laid_over_what_was_drawn(name):
+    drawn = get_protocol(name).env_kwargs(
+        {"randomize": {"inertia": ["own", "paper"], "friction": [0.0, 1.0]}}
+    )
+    assert drawn["randomize"] == {"inertia": ["own", "paper"], **get_protocol(name).randomize}
+
+
+@pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
+@pytest.mark.parametrize("name", [name for name, row in PROTOCOLS.items() if row.objects])
+def test_protocols_are_about_the_objects_of_their_own_task(task, name):
+    """Each is taken by the tasks whose object it stands around, and by no others, and says which
+    there are.
+    """
+    env_ids = {
+        "planar_arm": PUSH,
+        "mobile_franka": "piec_envs/MobileFrankaPush-v0",
+        "franka": "piec_envs/FrankaPush-v0",
+    }
+    env_id = env_ids[task.robot]
+    bare = {} if env_id == PUSH else {"geometry": "capsules", "start": "home"}
+    protocol = get_protocol(name)
+    if {family(item) for item in protocol.objects} == {task.object}:
+        check_suits(protocol, env_id, bare)
+        return
+    with pytest.raises(
+        InvalidParameterError, match=f"'{name}' puts .*but the object of '{env_id}'"
+    ) as caught:
+        check_suits(protocol, env_id, bare)
+    listed = (
+        str(caught.value).partition("objects for it: ")[2].partition(", and all")[0].split(", ")
+    )
+    assert listed and name not in listed
+    for other in listed:
+        check_suits(get_protocol(other), env_id, bare)
+
+
+def test_objects_of_protocols_stand_around_others_of_the_table():
+    named = {item for row in PROTOCOLS.values() for item in row.objects}
+    assert named and named <= set(OBJECTS)
+    for name in named:
+        planned_as, true = OBJECTS[family(name)], OBJECTS[name]
+        assert planned_as.name != name
+        assert np.isin(np.round(planned_as.key_points, 9), np.round(true.key_points, 9)).all()

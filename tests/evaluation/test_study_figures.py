@@ -14,14 +14,15 @@ import pytest
 from evaluation import evaluate, figures
 from evaluation.figures import space, tracking, transfer
 from evaluation.figures.animation import _few_colours, rollout_frames
-from evaluation.figures.base import mix, mode_of
+from evaluation.figures.base import mix
+from evaluation.figures.modes import mode_of
 from evaluation.figures.tracking import weight_colours
 from evaluation.studies.common import Case
 from evaluation.studies.pictures import trajectory, watched
 from piec_envs.dynamics.free_bodies import poses_at_start, upright
 from piec_envs.errors import RenderingError
-from piec_envs.rendering.drawing import GOAL as GREEN
-from piec_envs.rendering.drawing import PALE
+from piec_envs.rendering.colours import GOAL as GREEN
+from piec_envs.rendering.colours import PALE
 from piec_envs.rendering.space import SpaceFrames
 from piec_envs.world.objects import get_object
 from planners import OpenLoopPolicy

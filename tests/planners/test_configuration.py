@@ -11,7 +11,7 @@ from piec_envs.escape.field import make_field, object_escape_time
 from piec_envs.model.caging_problem import COLLISION_WEIGHT, Postures
 from piec_envs.world.objects import OBJECTS, get_object
 from planners import CagingProblem, CmaEsConfiguration, SqpConfiguration
-from planners.configuration import draw_postures
+from planners.posture_starts import draw_postures
 from planners.sqp import step_size
 
 POSE = np.array([-0.27, 0.09, -2.14])

@@ -9,8 +9,8 @@ from piec_envs.errors import InvalidParameterError
 from piec_envs.escape.field import make_field
 from piec_envs.world.robots import get_robot
 from planners import CagingProblem, CmaEsConfiguration, ExhaustiveConfiguration
-from planners.configuration import draw_postures
 from planners.exhaustive import inner_postures, outer_postures
+from planners.posture_starts import draw_postures
 
 POSE = np.array([0.05, 0.22, 0.4])
 SEARCH = ExhaustiveConfiguration(spacing=0.3, headings=40, polished=3, population=10, iterations=10)

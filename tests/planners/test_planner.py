@@ -16,7 +16,7 @@ from piec_envs.model.task import GOAL_RADIUS
 from planners import CmaEsPlanner, Plan
 from planners.base import nominal_start
 from planners.cma_es import disturbed_samples
-from planners.configuration import REACHABLE, enclosing_posture
+from planners.cma_es_configuration import REACHABLE, enclosing_posture
 from planners.objectives import MISS_MARGIN, OBJECTIVES, PathCost, crossing
 from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory

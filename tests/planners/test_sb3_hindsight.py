@@ -12,6 +12,7 @@ pytest.importorskip("stable_baselines3")
 from planners.sb3 import Agent, AgentPolicy, TrainSpec, open_loop, train
 from planners.sb3 import training as trainings
 from planners.sb3.hyperparameters import model_arguments
+from planners.sb3.normalisation import normalise, statistics_of
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 ENV = {"escape_field": None, "start_noise": [0.01, 0.05], "action_repeat": 100, "threads": 1}
@@ -62,7 +63,7 @@ def test_normalising_leaves_the_goals_of_hindsight_as_they_are(normalize, tmp_pa
     assert (plain.observations["observation"] != scaled.observations["observation"]).any()
     raw = {name: np.ones((1, *space.shape)) for name, space in normalised.observation_space.items()}
     seen, expected = (
-        trainings.normalise(raw, trainings.statistics_of(normalised)),
+        normalise(raw, statistics_of(normalised)),
         normalised.normalize_obs(raw),
     )
     for name in raw:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import gymnasium as gym
@@ -20,9 +16,7 @@ pytest.importorskip("stable_baselines3")
 
 from planners import Plan
 from planners.sb3 import Agent, AgentPolicy, NativeVecEnv, TrainSpec, open_loop, train
-from planners.sb3 import training as trainings
-from planners.sb3.checkpoint import read_checkpoint, write_checkpoint
-from planners.sb3.hyperparameters import model_arguments
+from planners.sb3.normalisation import normalise
 
 ROOT = Path(__file__).resolve().parents[2]
 PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
@@ -42,11 +36,6 @@ SPECS = {
         PUSH, "tqc", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2
     ),
 }
-KILLED = """
-import sys, json
-from planners.sb3 import TrainSpec, train
-train(TrainSpec(**json.loads(sys.argv[1])), sys.argv[2], progress=False)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -57,24 +46,6 @@ def trained(tmp_path_factory):
         name: (train(SPECS[name], folder, progress=False), folder)
         for name, folder in folders.items()
     }
-
-
-@pytest.fixture
-def interrupt(monkeypatch):
-    """Interrupt trainings at the n-th evaluation."""
-
-    def at(n):
-        original, calls = trainings.score, []
-
-        def score(*arguments):
-            calls.append(1)
-            if len(calls) == n:
-                raise KeyboardInterrupt
-            return original(*arguments)
-
-        monkeypatch.setattr(trainings, "score", score)
-
-    return at
 
 
 def history(folder):
@@ -125,9 +96,10 @@ def test_the_policy_holds_its_action_and_sees_what_it_saw_in_training(algo, trai
     venv = NativeVecEnv(PUSH, 2, **ENV)
     venv.seed(5)
     observation = venv.reset()
-    scale = trainings.normalise
     for t in range(1, 10):
-        action, _ = agent.model.predict(scale(observation, agent.normalisation), deterministic=True)
+        action, _ = agent.model.predict(
+            normalise(observation, agent.normalisation), deterministic=True
+        )
         observation, *_ = venv.step(action)
         np.testing.assert_allclose(venv.native.get_state().q_r, rows.q_r[:, 100 * t], atol=1e-12)
     assert np.abs(np.diff(rows.q_r, axis=1)).max() > 0
@@ -180,37 +152,6 @@ def test_open_loop_is_a_plan_like_any_other(trained, tmp_path):
     assert not np.array_equal(rows.pose[0], rows.pose[1])
 
 
-@pytest.mark.parametrize("algo", ["ppo", "sac"])
-def test_an_interrupted_training_goes_on(algo, interrupt, monkeypatch, tmp_path):
-    spec = SPECS[algo]
-    with monkeypatch.context():
-        interrupt(3)
-        with pytest.raises(KeyboardInterrupt):
-            train(spec, tmp_path, progress=False)
-    _, state = read_checkpoint(tmp_path)
-    monkeypatch.undo()
-    run = trainings.Training(spec, tmp_path, model_arguments(spec))
-    assert run.model.num_timesteps == state["steps"] == {"ppo": 80, "sac": 50}[algo]
-    if algo == "ppo":
-        assert run.venv.obs_rms.mean.tolist() == state["normalisation"]["observation"][""]["mean"]
-        assert run.venv.ret_rms.count == state["normalisation"]["return"]["count"] > 80
-    else:
-        assert run.model.replay_buffer.pos == 25
-    (tmp_path / ".checkpoint-000000000099.1.tmp").mkdir()  # what a kill leaves
-    agent = train(spec, tmp_path, progress=False)
-    assert (
-        agent.steps == spec.timesteps
-        and history(tmp_path)[: len(state["history"])] == state["history"]
-    )
-    steps = [record["steps"] for record in history(tmp_path)]
-    assert steps == sorted(set(steps)) and not list(tmp_path.glob("*checkpoint*"))
-    if algo == "ppo":  # the schedule went by the whole training
-        assert (
-            agent.model._total_timesteps == 200
-            and agent.model.policy.optimizer.param_groups[0]["lr"] == 0.0
-        )
-
-
 def test_a_training_leaves_its_spec_as_it_was(tmp_path):
     """SB3 writes into nested arguments, and with another spec no training would go on."""
     hyper = {**OFF, "policy_kwargs": {"net_arch": [8]}}
@@ -221,71 +162,6 @@ def test_a_training_leaves_its_spec_as_it_was(tmp_path):
     assert (
         spec.hyper == hyper and json.loads((tmp_path / "spec.json").read_text())["hyper"] == hyper
     )
-
-
-def test_a_killed_process_goes_on(tmp_path):
-    spec = dataclasses.replace(SPECS["ppo"], timesteps=2000, evaluations=20)
-    command = [sys.executable, "-c", KILLED, json.dumps(spec.as_json()), str(tmp_path)]
-    process = subprocess.Popen(command, cwd=ROOT)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("checkpoint-*")) and time.monotonic() < deadline:
-        time.sleep(0.005)
-    process.kill()  # SIGKILL
-    assert process.wait() == -9
-    path, state = read_checkpoint(tmp_path)
-    assert 100 <= state["steps"] < 2000 and path.name == f"checkpoint-{state['steps']:012d}"
-    agent = train(spec, tmp_path, progress=False)
-    assert agent.steps == agent.model.num_timesteps == 2000
-    assert [record["steps"] for record in history(tmp_path)] == list(range(100, 2001, 100))
-    assert not list(tmp_path.glob("*checkpoint*")) and not list(tmp_path.glob(".*"))
-
-
-def test_a_torn_write_leaves_the_checkpoint_before(interrupt, tmp_path, monkeypatch):
-    interrupt(2)
-    with pytest.raises(KeyboardInterrupt):
-        train(SPECS["ppo"], tmp_path, progress=False)
-    _, state = read_checkpoint(tmp_path)
-
-    class Torn:
-        def save(self, path):
-            Path(path).write_bytes(b"half")
-            raise OSError("disk full")
-
-    with pytest.raises(OSError, match="disk full"):
-        write_checkpoint(tmp_path, Torn(), {**state, "steps": 999})
-    assert read_checkpoint(tmp_path)[1] == state
-
-
-def test_checkpoints_that_do_not_belong_are_refused(interrupt, tmp_path):
-    interrupt(2)
-    spec = SPECS["ppo"]
-    with pytest.raises(KeyboardInterrupt):
-        train(spec, tmp_path, progress=False)
-    with pytest.raises(AgentError, match=r"timesteps: 200 there, 300 here"):
-        train(dataclasses.replace(spec, timesteps=300), tmp_path, progress=False)
-    path, state = read_checkpoint(tmp_path)
-
-    def expect(message, **changes):
-        (path / "state.json").write_text(json.dumps({**state, **changes}))
-        with pytest.raises(AgentError, match=message):
-            train(spec, tmp_path, progress=False)
-
-    expect(f"trained on '{TRACK}', not on '{PUSH}'", env_id=TRACK)
-    narrow = {"": {"low": [-1.0] * 25, "high": [1.0] * 25}}
-    expect(
-        "of 25 entries from -1 to 1, .*of 23 entries from -20",
-        spaces={**state["spaces"], "observation": narrow},
-    )
-    expect("has actions of 25 entries", spaces={**state["spaces"], "action": narrow})
-    expect("seed: 1 there, 0 here", spec={**state["spec"], "seed": 1})
-    expect("format", format="tar")
-    expect("model.zip is broken", sha256={"model.zip": "0" * 64})
-    (path / "state.json").write_text("{")
-    with pytest.raises(AgentError, match="broken"):
-        train(spec, tmp_path, progress=False)
-    (tmp_path / "spec.json").write_text("[]")
-    with pytest.raises(AgentError, match=r"another training|broken"):
-        train(spec, tmp_path, progress=False)
 
 
 def test_agents_that_are_broken_or_foreign_are_refused(trained, tmp_path):

@@ -11,7 +11,8 @@ import torch
 from torch import nn
 
 from piec_envs.escape.features import NEAR, pairs
-from piec_envs.escape.inference import SHIFT, meeting_distance
+from piec_envs.escape.inference import SHIFT
+from piec_envs.escape.packed_network import meeting_distance
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.escape.weights import FieldWeights
 from piec_envs.world.robots import get_robot

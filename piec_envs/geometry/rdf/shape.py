@@ -1,4 +1,4 @@
-"""The polynomial of one body, and the readable twin of `piec_envs.geometry.rdf.kernels`."""
+"""The polynomial of one body, and the readable twin of `piec_envs.geometry.rdf.bernstein`."""
 
 from __future__ import annotations
 

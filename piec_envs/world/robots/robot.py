@@ -9,6 +9,8 @@ import numpy as np
 
 from piec_envs.world.shapes import RoundedPolygon
 
+LEAST_CURL = 0.6  # rad, by which every turning joint but the first bends in a curled configuration
+
 
 @dataclass(frozen=True, eq=False)
 class Link:
@@ -133,9 +135,9 @@ class Robot:
             straight[j] = aligned + 2 * np.pi * np.round((middle - aligned) / (2 * np.pi))
         return straight
 
-    def curl_sides(self, least: float) -> tuple[float, ...]:
+    def curl_sides(self, least: float = LEAST_CURL) -> tuple[float, ...]:
         """The sides, 1 (left) or -1, to which all turning joints but the first can bend by `least`,
-        rad.
+        rad: as much as a curled configuration does.
         """
         turning = range(self.base_dof + 1, self.dof)
         room = {
