@@ -29,6 +29,7 @@ from evaluation.studies.common import (
     executions,
     mode_cases,
 )
+from evaluation.studies.work import STUDY_PLANNER
 from evaluation.tables import write_table
 from piec_envs import get_task
 from planners import CmaEsPlanner
@@ -226,7 +227,7 @@ def plan_cost(study: StudyRun, case: Case) -> dict[str, Any]:
     records = run_recorded(DO, works, study.out_dir / "records.jsonl", 1, study.context)
     minutes = float(np.mean([record["seconds"] for record in records])) / 60
     return {
-        "million steps": CmaEsPlanner(**case.planner).rollouts * horizon / 1e6,
+        "million steps": CmaEsPlanner(**{**STUDY_PLANNER, **case.planner}).rollouts * horizon / 1e6,
         "minutes": minutes,
     }
 

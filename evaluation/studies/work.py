@@ -28,6 +28,34 @@ from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import crossing
 
 PLANNERS: Mapping[str, Callable[..., Any]] = {"cma-es": CmaEsPlanner, "rigid-carry": RigidCarry}
+# The budget of every recorded plan, in full. Studies state what they change of it, so that records
+# keep their keys whatever `CmaEsPlanner` does by default.
+STUDY_PLANNER: Mapping[str, Any] = {
+    "objective": "caging",
+    "preset": "default",
+    "population": 50,
+    "iterations": 100,
+    "restarts": 6,
+    "screening": 15,
+    "survivors": 2,
+    "via_points": 5,
+    "sigma": 0.2,
+    "start": "enclose",
+    "arrive": 0.6,
+    "escape_field": "auto",
+    "escape_every": 5,
+    "robust_iterations": 40,
+    "robust_samples": 8,
+    "robust_disturbance": 0.005,
+    "robust_sigma": 0.06,
+    "robust_points": 3,
+    "moving_points": 5,
+    "robust_share": 1.0,
+    "robust_screening": 0,
+    "judge": "commanded",
+}
+# Settings younger than the first records: specs leave them out where they are as above.
+YOUNGER = ("moving_points", "robust_share", "robust_screening", "judge")
 KEEP_EVERY = 10  # steps between the states kept for figures
 
 
@@ -39,23 +67,28 @@ def plan_spec(
     Args:
         env_id: id of the environment.
         env_kwargs: keyword arguments of the nominal model.
-        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; the
-            defaults are filled in, so that a change of them counts.
+        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; what
+            they leave out is filled in, so that a change of it counts.
 
     Returns:
         The spec, JSON values.
     """
     name = {"name": planner["name"]} if "name" in planner else {}
-    full = {**name, **dataclasses.asdict(make_planner(planner))}
+    full = dataclasses.asdict(make_planner(planner))
+    for setting in YOUNGER:
+        if full.get(setting) == STUDY_PLANNER[setting]:
+            full.pop(setting, None)
+    full = {**name, **full}
     return {"work": "plan", "env_id": env_id, "env_kwargs": dict(env_kwargs), "planner": full}
 
 
 def make_planner(spec: Mapping[str, Any]) -> CmaEsPlanner | RigidCarry:
-    """The planner of a spec's "planner"."""
+    """The planner of a spec's "planner"; CMA-ES has STUDY_PLANNER where the spec says nothing."""
     arguments = dict(spec)
     name = arguments.pop("name", "cma-es")
     check_name("planner", name, PLANNERS)
-    return PLANNERS[name](**arguments)
+    filled = STUDY_PLANNER if name == "cma-es" else {}
+    return PLANNERS[name](**{**filled, **arguments})
 
 
 def evaluation_spec(
