@@ -32,7 +32,15 @@ from planners.strategy import NOISE_STREAM
 
 STARTS = ("rest", "enclose")
 JUDGES = ("executed", "commanded")
-QUICK = {"iterations": 30, "restarts": 2, "robust_iterations": 5, "robust_samples": 4}
+# the budget of `CmaEsPlanner.quick`: a quarter of the rollouts
+QUICK: Mapping[str, Any] = {
+    "iterations": 30,
+    "restarts": 2,
+    "robust_iterations": 5,
+    "robust_samples": 4,
+    "robust_share": 1.0,
+    "robust_screening": 0,
+}
 DECIDED = ("prior", "preset", "adversary")  # keyword arguments that follow from the planner's own
 
 

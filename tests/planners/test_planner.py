@@ -228,6 +228,12 @@ def test_plans_for_drawn_plants_differ_and_keep_what_was_drawn(tmp_path):
         planner.plan(PUSH, progress=False, randomize={"adversary": [0.0, 1.0]})
 
 
+def test_the_quick_budget_is_a_quarter_and_can_be_changed():
+    assert CmaEsPlanner.quick().rollouts < CmaEsPlanner().rollouts / 4
+    changed = CmaEsPlanner.quick(objective="contact", restarts=1)
+    assert (changed.objective, changed.restarts, changed.iterations) == ("contact", 1, 30)
+
+
 def test_bad_arguments():
     with pytest.raises(UnknownNameError, match="caging, contact, proximity"):
         CmaEsPlanner(objective="cage")
