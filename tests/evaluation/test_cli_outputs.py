@@ -19,8 +19,7 @@ from evaluation.records import RecordFile, make_record
 from piec_envs import __version__
 from piec_envs.console import no_bar, note, quiet
 from piec_envs.errors import InvalidParameterError
-from planners import CmaEsPlanner, Plan, PlanningInterrupted
-from planners import cma_es as cma_module
+from planners import CmaEsPlanner, Plan, PlanningInterrupted, search
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = [
@@ -145,7 +144,7 @@ def test_what_is_ours_may_be_written_anew(sweep_plan, tmp_path):
 
 def interrupt_after(monkeypatch, iterations: int) -> None:
     """Ctrl-C in the planner's costs, after so many iterations of its search."""
-    costs = cma_module.PathCost.nominal
+    costs = search.PathCost.nominal
     calls = []
 
     def nominal(self, paths):
@@ -155,7 +154,7 @@ def interrupt_after(monkeypatch, iterations: int) -> None:
                 raise KeyboardInterrupt
         return costs(self, paths)
 
-    monkeypatch.setattr(cma_module.PathCost, "nominal", nominal)
+    monkeypatch.setattr(search.PathCost, "nominal", nominal)
 
 
 SMALL = {
