@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import cma
 import numpy as np
@@ -18,9 +18,6 @@ from planners.objectives import DIVERGENCE_WEIGHT, PathCost
 from planners.strategy import make_strategy
 from planners.via_points import ViaPointTrajectory
 
-if TYPE_CHECKING:
-    from planners.cma_es import CmaEsPlanner
-
 Found = tuple[float, np.ndarray]  # cost, and via points as they were asked for
 
 
@@ -29,25 +26,23 @@ class Search:
     """One run of the planner.
 
     Args:
-        planner: its settings.
+        planner: the `CmaEsPlanner` with its settings.
         model: the nominal one.
         start: one state.
         samples: the start with the planner's own disturbances.
         seed: of all randomness.
     """
 
-    planner: CmaEsPlanner
+    planner: Any
     model: Model
     start: State
     samples: State
     seed: int
-    # (cost, via points) of what the plan is chosen from
-    found: list[Found] = field(default_factory=list)
-    # the best of each search, for every stage, as it goes
-    begun: list[list[Found]] = field(default_factory=list)
-    iterations: int = 0
 
     def __post_init__(self):
+        self.found: list[Found] = []  # of what the plan is chosen from
+        self.begun: list[list[Found]] = []  # of each search, for every stage, as it goes
+        self.iterations = 0
         self.trajectory = ViaPointTrajectory(self.planner.via_points, self.model.task.horizon)
         self.lower = self.model.robot.joint_array("lower")
         self.upper = self.model.robot.joint_array("upper")

@@ -10,9 +10,9 @@ import numpy as np
 from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
 from evaluation.rollout import evaluate
 from evaluation.studies import PUSH
+from evaluation.studies.budget import STUDY_PLANNER
 from evaluation.studies.franka_push import ENV as FRANKA_PUSH
 from evaluation.studies.franka_push import PLANNER as FRANKA_PLANNER
-from evaluation.studies.work import STUDY_PLANNER
 from piec_envs import MissingDependencyError, choose_field, get_task
 from planners import CagingProblem, CmaEsConfiguration, CmaEsPlanner, OpenLoopPolicy, Plan
 from planners.via_points import ViaPointTrajectory

@@ -19,6 +19,7 @@ from evaluation.figures import learning_curves, success_matrix
 from evaluation.jobs import run_recorded
 from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.studies.agent_work import LOOPS, AgentCase, training_seconds
+from evaluation.studies.budget import STUDY_PLANNER
 from evaluation.studies.common import (
     DO,
     PLANNER_SEEDS,
@@ -29,7 +30,6 @@ from evaluation.studies.common import (
     executions,
     mode_cases,
 )
-from evaluation.studies.work import STUDY_PLANNER
 from evaluation.tables import write_table
 from piec_envs import get_task
 from planners import CmaEsPlanner

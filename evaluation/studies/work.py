@@ -23,39 +23,12 @@ from evaluation.protocols import get_protocol
 from evaluation.records import work_key
 from evaluation.rollout import evaluate
 from evaluation.studies.agent_work import agent_policy, train_once
+from evaluation.studies.budget import STUDY_PLANNER, YOUNGER
 from piec_envs import PlanError, RecordError, check_name, make_model
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import crossing
 
 PLANNERS: Mapping[str, Callable[..., Any]] = {"cma-es": CmaEsPlanner, "rigid-carry": RigidCarry}
-# The budget of every recorded plan, in full. Studies state what they change of it, so that records
-# keep their keys whatever `CmaEsPlanner` does by default.
-STUDY_PLANNER: Mapping[str, Any] = {
-    "objective": "caging",
-    "preset": "default",
-    "population": 50,
-    "iterations": 100,
-    "restarts": 6,
-    "screening": 15,
-    "survivors": 2,
-    "via_points": 5,
-    "sigma": 0.2,
-    "start": "enclose",
-    "arrive": 0.6,
-    "escape_field": "auto",
-    "escape_every": 5,
-    "robust_iterations": 40,
-    "robust_samples": 8,
-    "robust_disturbance": 0.005,
-    "robust_sigma": 0.06,
-    "robust_points": 3,
-    "moving_points": 5,
-    "robust_share": 1.0,
-    "robust_screening": 0,
-    "judge": "commanded",
-}
-# Settings younger than the first records: specs leave them out where they are as above.
-YOUNGER = ("moving_points", "robust_share", "robust_screening", "judge")
 KEEP_EVERY = 10  # steps between the states kept for figures
 
 

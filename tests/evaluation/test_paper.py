@@ -12,9 +12,9 @@ import pytest
 
 from evaluation.records import read_records
 from evaluation.studies import STUDIES, paper
+from evaluation.studies.budget import STUDY_PLANNER, YOUNGER
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
 from evaluation.studies.paper import PAPER_NOTES, PAPER_PLANNER, all_notes, paper_cases
-from evaluation.studies.work import STUDY_PLANNER, YOUNGER
 from piec_envs.dynamics.contact_model import PAPER_MODEL, ContactModel
 from piec_envs.env.config import EnvConfig
 from piec_envs.model.task import PAPER_PRESETS, PRESETS, TASKS, CostWeights
