@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> Report:
     ids = list(ENVS) if ALL in args.env else args.env
     before = pending_kernels()
     console.note(
-        f"{len(before)} slow kernels to compile, about {seconds(sum(before.values()))}"
+        f"{len(before)} slow kernels to compile, up to about {seconds(sum(before.values()))}"
         if before
         else "every slow kernel is compiled; looking for the others takes a few seconds"
     )
