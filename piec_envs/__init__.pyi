@@ -12,6 +12,9 @@ from . import provenance as provenance
 from . import rendering as rendering
 from . import wrappers as wrappers
 
+# Compilation
+from .compilation import pending_kernels as pending_kernels
+
 # Tables: environments, robots, objects, tasks
 from .env.registry import ENVS as ENVS
 from .env.registry import MOTIONS as MOTIONS

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,15 @@ def estimate(begun: str) -> float:
     """
     cold = {begun, *(name for name in SECONDS if not _kept(name))}
     return sum(SECONDS.get(name, 0.5) for name in cold)
+
+
+def pending_kernels() -> dict[str, float]:
+    """The slow kernels that are not in the cache on the disk: seconds to compile each, by
+    `module:function`.
+    """
+    for name in SECONDS:
+        import_module(name.partition(":")[0])
+    return {name: seconds for name, seconds in SECONDS.items() if not _kept(name)}
 
 
 def _kept(name: str) -> bool:

@@ -82,6 +82,9 @@ class PathCost:
         self._plain = Model(
             dataclasses.replace(model.setup, plant=calm, escape_field=None, prior=-1)
         )
+        # what moves as the nominal model does, without the prior's cost
+        flees = model.setup.plant.adversary > 0
+        self._moved = Model(dataclasses.replace(model.setup, prior=-1)) if flees else self._plain
 
     def nominal(self, path: np.ndarray) -> np.ndarray:
         """Summed stage cost of each path without noise, and the penalties on links that cross and
@@ -112,12 +115,41 @@ class PathCost:
             Shape (B,).
         """
         rollout = self._run(path)
+        return self._averaged(rollout, rollout.motion.q_r[:, 1:], samples)
+
+    def executed(self, path: np.ndarray, samples: State) -> np.ndarray:
+        """The same for paths that a nominal run has realised, each executed as it is.
+
+        A commanded path that presses on a fleeing object may realise a path that loses it.
+
+        Args:
+            path: absolute joint positions, shape (B, N, n), from `realised`.
+            samples: the start with S disturbances.
+
+        Returns:
+            Shape (B,).
+        """
+        return self._averaged(self._run(path), path, samples)
+
+    def realised(self, path: np.ndarray) -> np.ndarray:
+        """The joint paths that nominal runs of commanded ones realise.
+
+        Args:
+            path: absolute joint positions, shape (B, N, n).
+
+        Returns:
+            Shape (B, N, n).
+        """
+        return self._moved.rollout(self.start, path, absolute=True).motion.q_r[:, 1:]
+
+    def _averaged(self, rollout: Rollout, path: np.ndarray, samples: State) -> np.ndarray:
+        """Cost of a nominal rollout with its task term averaged over disturbed runs of a path."""
         nominal = rollout.column("cost_task")[:, 1:].sum(axis=1)
         rows = len(path)
         count = samples.rows
         noisy = self._plain.rollout(
             samples.take(np.tile(np.arange(count), rows)),
-            np.repeat(rollout.motion.q_r[:, 1:], count, axis=0),
+            np.repeat(path, count, axis=0),
             absolute=True,
         )
         task = noisy.column("cost_task")[:, 1:].sum(axis=1).reshape(rows, count).sum(axis=1)  # (B,)

@@ -29,6 +29,7 @@ PLANNERS: dict[str, Row] = {
         "a sliding base moves along and the arm keeps the posture of the start",
     ),
 }
+QUICK_PLANNERS = ("cma-es",)  # those with a `quick` budget beside their own
 
 
 def planner_class(name: str) -> Any:

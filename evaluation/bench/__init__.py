@@ -17,7 +17,13 @@ from evaluation.bench.environments import rollout_threads, single_step, vector_s
 from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
 from evaluation.bench.learning import rollout_collection
-from evaluation.bench.planning import default_plans, franka_plan, one_search, static_caging
+from evaluation.bench.planning import (
+    default_plans,
+    franka_plan,
+    one_search,
+    plan_budgets,
+    static_caging,
+)
 from piec_envs import available_threads, console, provenance
 
 __all__ = ["QUICK", "Sizes", "run_bench"]
@@ -46,6 +52,7 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "tabulated field": table_queries,
         "static caging": static_caging,
         "default plans": partial(default_plans, progress=progress),
+        "planning budgets": partial(plan_budgets, progress=progress),
         "demo": whole_demo,
         "one search": partial(one_search, progress=progress),
         "Franka plan": partial(franka_plan, progress=progress),

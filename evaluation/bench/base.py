@@ -14,6 +14,8 @@ from evaluation.studies import PUSH
 from piec_envs import InvalidParameterError, Model, State, make_model
 
 Row = dict[str, Any]
+# one search over all via points, with the paper's numbers
+ONE_SEARCH = {"iterations": 100, "moving_points": 5, "restarts": 1, "robust_iterations": 0}
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Sizes:
         table: nodes a side and spacing (rad) of a tabulated field.
         planner: arguments of `CmaEsPlanner` for one search.
         default: changes to the planner that users get by default.
+        budgets: plans of each of the planner's budgets, and executions of each.
         demo: how `piec demo` is run: "cold" with an empty cache of kernels, then "warm".
         demo_budget: its further arguments.
         plans: how many are ranked with the planner's k and with k = 1.
@@ -51,8 +54,9 @@ class Sizes:
     single_steps: int = 1000
     fields: int = 100
     table: tuple[int, float] = (101, 0.07)
-    planner: tuple[tuple[str, Any], ...] = (("restarts", 1), ("robust_iterations", 0))
+    planner: tuple[tuple[str, Any], ...] = tuple(ONE_SEARCH.items())
     default: tuple[tuple[str, Any], ...] = ()
+    budgets: tuple[int, int] = (5, 100)
     demo: tuple[str, ...] = ("cold", "warm")
     demo_budget: tuple[str, ...] = ()
     plans: int = 50
@@ -85,6 +89,7 @@ QUICK = Sizes(
         ("population", 4),
         ("start", "rest"),
     ),
+    budgets=(1, 2),
     demo=("warm",),
     demo_budget=("--smoke",),
     plans=5,

@@ -8,11 +8,13 @@ from functools import partial
 import numpy as np
 
 from evaluation.bench.base import Row, Sizes, make_started, median_seconds, row
+from evaluation.rollout import evaluate
 from evaluation.studies import PUSH
+from evaluation.studies.budget import STUDY_PLANNER
 from evaluation.studies.franka_push import ENV as FRANKA_PUSH
 from evaluation.studies.franka_push import PLANNER as FRANKA_PLANNER
 from piec_envs import MissingDependencyError, choose_field, get_task
-from planners import CagingProblem, CmaEsConfiguration, CmaEsPlanner, Plan
+from planners import CagingProblem, CmaEsConfiguration, CmaEsPlanner, OpenLoopPolicy, Plan
 from planners.via_points import ViaPointTrajectory
 
 
@@ -43,6 +45,43 @@ def default_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
     return rows
 
 
+def plan_budgets(sizes: Sizes, progress: bool = False) -> list[Row]:
+    """Time and success of plans with the quick budget and with the default one, beside each other.
+
+    Args:
+        sizes: how much is measured.
+        progress: whether to show progress bars.
+
+    Returns:
+        Lines of the table.
+    """
+    rows = []
+    plans, executions = sizes.budgets
+    for name, make in (("quick", CmaEsPlanner.quick), ("default", CmaEsPlanner)):
+        planner = make(**dict(sizes.default))
+        make(**{**dict(sizes.default), **ONCE}).plan(PUSH, progress=False)  # before the clock
+        times = []
+        rates = []
+        for seed in range(plans):
+            begin = time.perf_counter()
+            plan = planner.plan(PUSH, seed=seed, progress=progress)
+            times.append(time.perf_counter() - begin)
+            done = evaluate(
+                OpenLoopPolicy(plan), PUSH, DISTURBANCE, executions, FRESH + 1000 * seed
+            )
+            rates.append(float(done.success.mean()))
+        label = f"{name} budget, caging"
+        note = f"{planner.rollouts} trajectories, median of {plans} planner seeds"
+        rows.append(row(f"{label}, plan", float(np.median(times)), "s", "", note))
+        note = (
+            f"{min(rates):.2f} to {max(rates):.2f} in {plans} plans of {executions} executions each"
+        )
+        rows.append(row(f"{label}, success at 5 mm", float(np.mean(rates)), "", "", note))
+    return rows
+
+
+DISTURBANCE = "disturbance-5mm"
+FRESH = 500_000  # seeds of executions from here on, which no planner has seen
 ONCE = {"iterations": 1, "population": 2, "restarts": 1, "robust_iterations": 1}
 
 
@@ -87,7 +126,7 @@ def franka_plan(sizes: Sizes, progress: bool = False) -> list[Row]:
     Returns:
         One line of the table, without a result where the package with the meshes is missing.
     """
-    planner = CmaEsPlanner(**{**FRANKA_PLANNER, **dict(sizes.planner)})
+    planner = CmaEsPlanner(**{**STUDY_PLANNER, **FRANKA_PLANNER, **dict(sizes.planner)})
     label = "one search, mobile Franka, caging"
     wanted = "at most 60"
     try:

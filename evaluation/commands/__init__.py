@@ -72,7 +72,7 @@ COMMANDS = {
             "demo",
             "plan with three objectives, disturb the object, print a table, draw a picture and "
             "an animation",
-            ("piec demo", "piec demo --out runs/demo --seed 1"),
+            ("piec demo --quick", "piec demo --out runs/demo --seed 1"),
             "demo",
         ),
         Command(
@@ -80,6 +80,7 @@ COMMANDS = {
             "plan a motion and write it to a file",
             (
                 "piec plan --objective caging --out runs/caging.npz",
+                "piec plan --quick --set object=square",
                 "piec plan --objective contact --set object=square --planner iterations=20",
             ),
             "plan",
@@ -127,6 +128,12 @@ COMMANDS = {
             "measure speeds and write them to a file",
             ("piec bench", "piec bench --quick"),
             "bench",
+        ),
+        Command(
+            "warmup",
+            "compile the kernels that first uses need, such as into the image of a container",
+            ("piec warmup", "piec warmup --env piec_envs/PlanarArmPush-v0 piec_envs/FrankaPush-v0"),
+            "warmup",
         ),
         Command(
             "render",

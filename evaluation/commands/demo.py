@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,7 +27,7 @@ class Budget:
 
     Args:
         objectives: what to compare, the best last.
-        planner: arguments of `CmaEsPlanner` beside the objective, the same for all.
+        planner: arguments of `CmaEsPlanner` beside the objective, the same for all, in full.
         protocol: how the plans are disturbed.
         episodes: rollouts of each plan.
         frames: of the animation, about.
@@ -35,13 +36,16 @@ class Budget:
     """
 
     objectives: tuple[str, ...] = ("contact", "proximity", "caging")
-    planner: Mapping[str, Any] = field(
-        default_factory=lambda: {"restarts": 4, "robust_iterations": 30}
-    )
+    planner: Mapping[str, Any] = field(default_factory=lambda: _budget(quick=False))
     protocol: str = "disturbance-5mm"
     episodes: int = 100
     frames: int = 100
-    seconds: tuple[float, float, float, float] = (25.0, 6.0, 4.0, 15.0)
+    seconds: tuple[float, float, float, float] = (12.0, 3.0, 2.0, 7.0)
+
+    @classmethod
+    def quick(cls) -> Budget:
+        """The quick budget of the planner, and fewer frames."""
+        return cls(planner=_budget(quick=True), frames=50, seconds=(3.0, 3.0, 2.0, 4.0))
 
     @classmethod
     def smoke(cls) -> Budget:
@@ -49,6 +53,16 @@ class Budget:
         from evaluation.studies.common import SMOKE_PLANNER
 
         return cls(planner=SMOKE_PLANNER, episodes=2, frames=3, seconds=(1.0, 1.0, 4.0, 2.0))
+
+
+def _budget(quick: bool) -> dict[str, Any]:
+    """All settings of the planner but for the objective."""
+    from planners import CmaEsPlanner
+
+    planner = CmaEsPlanner.quick() if quick else CmaEsPlanner()
+    return {
+        name: value for name, value in dataclasses.asdict(planner).items() if name != "objective"
+    }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,9 +73,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, help="of the planners (default: %(default)s)"
     )
+    parser.add_argument("--quick", action="store_true", help="plans with a quarter of the rollouts")
     parser.add_argument(
         "--smoke", action="store_true", help="a tiny budget, to see whether everything runs"
     )
+
+
+def _chosen(args: argparse.Namespace) -> Budget:
+    """The budget that was asked for, the smallest of several."""
+    if args.smoke:
+        return Budget.smoke()
+    return Budget.quick() if args.quick else Budget()
 
 
 def run(args: argparse.Namespace) -> Report:
@@ -74,7 +96,7 @@ def run(args: argparse.Namespace) -> Report:
     from evaluation.studies.pictures import first_trajectories
     from evaluation.tables import markdown, write_table
 
-    budget = Budget.smoke() if args.smoke else Budget()
+    budget = _chosen(args)
     study = StudyRun(
         args.out, (args.seed,), budget.episodes, progress=not console.quiet(), cache=args.out
     )

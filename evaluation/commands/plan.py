@@ -8,6 +8,7 @@ from pathlib import Path
 from evaluation.commands import Interrupted, Report, fit_settings, settings
 from evaluation.commands.outputs import plan_out, planner_asked
 from evaluation.studies import PUSH
+from piec_envs import check_name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "iterations=20 restarts=1",
     )
     parser.add_argument(
+        "--quick", action="store_true", help="a quarter of the rollouts, for a first look"
+    )
+    parser.add_argument(
         "--set",
         nargs="+",
         metavar="NAME=VALUE",
@@ -42,16 +46,19 @@ def run(args: argparse.Namespace) -> Report:
     """Plan and save."""
     from evaluation.plants import plant_in_force, plant_line
     from planners import PlanningInterrupted
-    from planners.table import planner_class
+    from planners.table import QUICK_PLANNERS, planner_class
 
     name, given = planner_asked(args.planner)
     kind = planner_class(name)
     asked = {"objective": args.objective, "preset": args.preset}
     own = {**{key: value for key, value in asked.items() if value is not None}, **settings(given)}
     own = fit_settings("planner", own, kind())
+    if args.quick:
+        check_name("quick planner", name, QUICK_PLANNERS)
+    make = kind.quick if args.quick else kind
     out = plan_out(args)
     try:
-        plan = kind(**own).plan(args.env, seed=args.seed, **settings(args.set))
+        plan = make(**own).plan(args.env, seed=args.seed, **settings(args.set))
     except PlanningInterrupted as stopped:
         kept = stopped.plan.save(
             out.with_name(f"{out.stem}-interrupted.npz") if out.exists() else out

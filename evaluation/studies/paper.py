@@ -23,6 +23,7 @@ PAPER_PLANNER: Mapping[str, Any] = {
     "screening": 0,
     "survivors": 1,
     "via_points": 5,
+    "moving_points": 5,
     "sigma": 0.2,
     "start": "rest",
     "escape_field": "auto",

@@ -19,6 +19,7 @@ from evaluation.figures import learning_curves, success_matrix
 from evaluation.jobs import run_recorded
 from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.studies.agent_work import LOOPS, AgentCase, training_seconds
+from evaluation.studies.budget import STUDY_PLANNER
 from evaluation.studies.common import (
     DO,
     PLANNER_SEEDS,
@@ -226,7 +227,7 @@ def plan_cost(study: StudyRun, case: Case) -> dict[str, Any]:
     records = run_recorded(DO, works, study.out_dir / "records.jsonl", 1, study.context)
     minutes = float(np.mean([record["seconds"] for record in records])) / 60
     return {
-        "million steps": CmaEsPlanner(**case.planner).rollouts * horizon / 1e6,
+        "million steps": CmaEsPlanner(**{**STUDY_PLANNER, **case.planner}).rollouts * horizon / 1e6,
         "minutes": minutes,
     }
 

@@ -23,6 +23,7 @@ from evaluation.protocols import get_protocol
 from evaluation.records import work_key
 from evaluation.rollout import evaluate
 from evaluation.studies.agent_work import agent_policy, train_once
+from evaluation.studies.budget import STUDY_PLANNER, YOUNGER
 from piec_envs import PlanError, RecordError, check_name, make_model
 from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import crossing
@@ -39,23 +40,28 @@ def plan_spec(
     Args:
         env_id: id of the environment.
         env_kwargs: keyword arguments of the nominal model.
-        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; the
-            defaults are filled in, so that a change of them counts.
+        planner: arguments of `CmaEsPlanner`, or of another row of PLANNERS beside its "name"; what
+            they leave out is filled in, so that a change of it counts.
 
     Returns:
         The spec, JSON values.
     """
     name = {"name": planner["name"]} if "name" in planner else {}
-    full = {**name, **dataclasses.asdict(make_planner(planner))}
+    full = dataclasses.asdict(make_planner(planner))
+    for setting in YOUNGER:
+        if full.get(setting) == STUDY_PLANNER[setting]:
+            full.pop(setting, None)
+    full = {**name, **full}
     return {"work": "plan", "env_id": env_id, "env_kwargs": dict(env_kwargs), "planner": full}
 
 
 def make_planner(spec: Mapping[str, Any]) -> CmaEsPlanner | RigidCarry:
-    """The planner of a spec's "planner"."""
+    """The planner of a spec's "planner"; CMA-ES has STUDY_PLANNER where the spec says nothing."""
     arguments = dict(spec)
     name = arguments.pop("name", "cma-es")
     check_name("planner", name, PLANNERS)
-    return PLANNERS[name](**arguments)
+    filled = STUDY_PLANNER if name == "cma-es" else {}
+    return PLANNERS[name](**{**filled, **arguments})
 
 
 def evaluation_spec(

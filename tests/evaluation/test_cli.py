@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from evaluation.cli import main
-from evaluation.commands import COMMANDS, settings
+from evaluation.commands import COMMANDS, settings, warmup
 from evaluation.records import read_records
-from piec_envs.errors import InvalidParameterError
+from piec_envs import ENVS
+from piec_envs.compilation import SECONDS
+from piec_envs.errors import InvalidParameterError, PlanError
 from piec_envs.escape import make_field
+from planners import CmaEsPlanner
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = [
@@ -117,6 +120,47 @@ def test_demo(piec, tmp_path):
     assert "[" in (tmp_path / "table.md").read_text()
 
 
+def test_quick_is_the_quick_planner(piec, tmp_path, monkeypatch):
+    made = []
+
+    def caught(self, *arguments, **kwargs):
+        made.append(self)
+        raise PlanError("not planned")
+
+    monkeypatch.setattr(CmaEsPlanner, "plan", caught)
+    assert piec("plan", "--quick", "--out", tmp_path / "plan.npz")[0] == 2
+    assert piec("demo", "--quick", "--out", tmp_path / "demo")[0] == 2
+    assert piec("demo", "--out", tmp_path / "demo")[0] == 2
+    quick, shown, whole = made
+    assert quick == CmaEsPlanner.quick() and shown == CmaEsPlanner.quick(objective="contact")
+    assert whole == CmaEsPlanner(objective="contact") and quick.rollouts < whole.rollouts / 3
+    code, document = piec("plan", "--quick", "--planner", "carry", "--out", tmp_path / "plan.npz")
+    assert code == 2 and "known: cma-es" in document["error"]
+
+
+def test_warmup_uses_what_it_says_and_nothing_twice(piec, monkeypatch, capsys):
+    used = []
+    monkeypatch.setattr(warmup, "_use", used.append)
+    monkeypatch.setattr("piec_envs.compilation._kept", lambda name: bool(used))
+    ids = ["piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"]
+    assert main(["warmup", "--env", *ids]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert f"{len(SECONDS)} slow kernels to compile, up to about" in told[0] and used == ids
+    assert all(any(name in line for line in told) for name in SECONDS)
+    code, document = piec("warmup", "--env", "all")
+    assert code == 0 and document["envs"] == list(ENVS) and document["compiled"] == []
+    code, document = piec("warmup", "--env", "piec_envs/Nothing-v0")
+    assert code == 2 and "PlanarArmPush" in document["error"]
+
+
+@pytest.mark.parametrize("env_id", ["piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"])
+def test_warmup_leaves_nothing_to_compile(piec, env_id):
+    """Once it has run, everything that it uses is found on the disk."""
+    code, document = piec("warmup", "--env", env_id)
+    assert code == 0 and document["envs"] == [env_id]
+    assert piec("warmup", "--env", env_id)[1]["compiled"] == []
+
+
 def test_render(piec, plan_file, tmp_path):
     code, document = piec(
         "render",
@@ -161,6 +205,7 @@ def test_bench(piec, tmp_path, monkeypatch):
         "contact step, fast over osqp",
         "rank of plan costs",
         "default plan, caging",
+        "quick budget, caging, success at 5 mm",
         "piec demo, warm",
     }
     assert names <= {row["benchmark"] for row in document["rows"]}
@@ -217,7 +262,7 @@ def test_train_field(piec, tmp_path, capsys):
         (["reproduce", "eikonal-toy", "--engine-option", "timeout_min=5"], "no options"),
         (["plan", "--objective", "luck"], "known: adversarial"),
         (["plan", "--planner", "luck=1"], "planner setting"),
-        (["plan", "--planner", "iterations=many"], "such as 100"),
+        (["plan", "--planner", "iterations=many"], "such as 30"),
         (["plan", "--set", "object"], "name=value"),
         (["plan", "--set", "friction=-1"], "friction"),
         (["train-field", "--recipe", "pin"], "Did you mean 'pinn'?"),

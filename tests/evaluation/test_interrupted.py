@@ -10,8 +10,7 @@ from evaluation import rollout
 from evaluation.cli import main, make_parser
 from evaluation.commands import kept
 from evaluation.records import RecordFile, make_record
-from planners import CmaEsPlanner, Plan, PlanningInterrupted
-from planners import cma_es as cma_module
+from planners import CmaEsPlanner, Plan, PlanningInterrupted, search
 
 TINY = [
     "--planner",
@@ -29,7 +28,7 @@ def parsed(*arguments: object):
 
 def interrupt_after(monkeypatch, iterations: int) -> None:
     """Ctrl-C in the planner's costs, after so many iterations of its search."""
-    costs = cma_module.PathCost.nominal
+    costs = search.PathCost.nominal
     calls = []
 
     def nominal(self, paths):
@@ -39,7 +38,7 @@ def interrupt_after(monkeypatch, iterations: int) -> None:
                 raise KeyboardInterrupt
         return costs(self, paths)
 
-    monkeypatch.setattr(cma_module.PathCost, "nominal", nominal)
+    monkeypatch.setattr(search.PathCost, "nominal", nominal)
 
 
 SMALL = {

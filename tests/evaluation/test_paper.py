@@ -5,11 +5,14 @@ equations.
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from evaluation.records import read_records
 from evaluation.studies import STUDIES, paper
+from evaluation.studies.budget import STUDY_PLANNER, YOUNGER
 from evaluation.studies.common import SMOKE_PLANNER, StudyRun
 from evaluation.studies.paper import PAPER_NOTES, PAPER_PLANNER, all_notes, paper_cases
 from piec_envs.dynamics.contact_model import PAPER_MODEL, ContactModel
@@ -23,6 +26,7 @@ BUDGET = {
     "iterations": 100,
     "population": 50,
     "via_points": 5,
+    "moving_points": 5,
     "restarts": 1,
     "screening": 0,
     "survivors": 1,
@@ -32,7 +36,17 @@ BUDGET = {
     "sigma": 0.2,
     "escape_every": 5,
 }
-WITHOUT_EFFECT = {"arrive", "robust_samples", "robust_disturbance", "robust_sigma", "robust_points"}
+WITHOUT_EFFECT = {
+    "arrive",
+    "judge",
+    "robust_samples",
+    "robust_disturbance",
+    "robust_sigma",
+    "robust_points",
+    "robust_share",
+    "robust_screening",
+}
+RESULTS = Path(__file__).resolve().parents[2] / "results"
 PLANNING = [name for name, study in STUDIES.items() if hasattr(study.load(), "StudyRun")]
 
 
@@ -57,7 +71,7 @@ def cases_of(name: str, monkeypatch, tmp_path):
 def test_a_case_called_paper_has_the_papers_budget_and_nothing_of_its_study(
     name, monkeypatch, tmp_path
 ):
-    default = dataclasses.asdict(CmaEsPlanner())
+    older = {key: value for key, value in STUDY_PLANNER.items() if key not in YOUNGER}
     for case in cases_of(name, monkeypatch, tmp_path):
         preset = case.label.partition(", ")[2]
         planner = case.plan_work(0).spec["planner"]
@@ -65,13 +79,28 @@ def test_a_case_called_paper_has_the_papers_budget_and_nothing_of_its_study(
             assert planner.get("preset", "default") == "default"
             continue
         own = {"objective": planner["objective"], "preset": preset}
-        assert planner == {**default, **BUDGET, **own}
+        assert (
+            planner == {**older, **{key: BUDGET[key] for key in older if key in BUDGET}, **own}
+            and "moving_points" in YOUNGER
+        )
         assert (
             case.env_kwargs["preset"] == preset
             and "weights" not in case.env_kwargs
             and not case.model
         )
         assert case.evaluation_work(0, "nominal", 1).spec["env_kwargs"]["preset"] == preset
+
+
+@pytest.mark.parametrize("name", PLANNING)
+def test_studies_ask_for_the_plans_that_are_recorded(name, monkeypatch, tmp_path):
+    """Their budget is their own: another default of the planner asks for no other plan."""
+    recorded = {record["key"] for record in read_records(RESULTS / name / "records.jsonl")}
+    asked = {case.plan_work(0).key for case in cases_of(name, monkeypatch, tmp_path)}
+    assert asked and asked <= recorded
+
+
+def test_the_budget_of_studies_is_stated_in_full():
+    assert set(STUDY_PLANNER) == {item.name for item in dataclasses.fields(CmaEsPlanner)}
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from piec_envs import Model
 from piec_envs.env.makers import make_model, make_setup
 from piec_envs.errors import InvalidParameterError, UnknownNameError
 from piec_envs.escape.field import make_field
 from piec_envs.model.caging_problem import CagingProblem
 from piec_envs.model.task import GOAL_RADIUS
 from planners import CmaEsPlanner, Plan
-from planners.base import nominal_start
+from planners.base import nominal_start, realised_plan
 from planners.cma_es import disturbed_samples
 from planners.cma_es_configuration import REACHABLE, enclosing_posture
 from planners.objectives import MISS_MARGIN, OBJECTIVES, PathCost, crossing
@@ -110,6 +111,59 @@ def test_threads_do_not_change_a_plan():
     np.testing.assert_array_equal(one.path, two.path)
 
 
+@pytest.mark.parametrize("objective", ["contact", "adversarial"])
+def test_a_plan_costs_what_was_judged_when_it_was_found(objective):
+    """What is judged is executed as it is, with an adversary as without one."""
+    planner = CmaEsPlanner(objective=objective, escape_every=200, start="rest", **SMALL)
+    kwargs = {**planner._nominal_kwargs({}), "escape_field": None}
+    if objective == "adversarial":
+        kwargs["escape_field"] = {"name": "grid", "resolution": 16}
+    model, start, setup = nominal_start(PUSH, kwargs, seed=3)
+    samples = disturbed_samples(setup, planner, seed=3)
+    cost = PathCost(model, start)
+    commanded = np.linspace(0, 1, 1000)[None, :, None] * np.array([1.2, 0.5, 0.5, 0.5])
+    realised = cost.realised(commanded)
+    motion = model.rollout(start, commanded, absolute=True).motion
+    np.testing.assert_array_equal(realised, motion.q_r[:, 1:])  # the prior moves nothing
+    plan = realised_plan(
+        model,
+        start,
+        commanded[0],
+        lambda path: cost.executed(path, samples),
+        env_id=PUSH,
+        env_kwargs=kwargs,
+        via_points=np.zeros((5, 4)),
+        objective=objective,
+        preset="default",
+        seed=3,
+    )
+    assert plan.cost == cost.executed(realised, samples)[0]
+
+
+def test_budgets_count_their_rollouts(monkeypatch):
+    """Of every candidate: its nominal ones, and the disturbed ones."""
+    rows = []
+    run = Model.rollout
+    monkeypatch.setattr(
+        Model,
+        "rollout",
+        lambda self, *args, **kw: rows.append(len(args[1])) or run(self, *args, **kw),
+    )
+    for changes in ({}, {"judge": "commanded", "robust_screening": 0, "robust_share": 1.0}):
+        small = {**SMALL, "restarts": 3, "survivors": 2, "robust_iterations": 3}
+        planner = CmaEsPlanner(
+            objective="contact",
+            start="rest",
+            robust_samples=4,
+            **{"robust_screening": 2, **small, **changes},
+        )
+        rows.clear()
+        planner.plan(PUSH, progress=False)
+        around = sum(rows) - planner.rollouts
+        # choosing where to go on from, and the plan: a few paths, with all samples
+        assert 0 < around <= (2 + 4) * 2 + 8 * (2 + 2 + 4)
+
+
 def test_searches_do_not_share_random_numbers():
     """Each search draws from its own generator and leaves NumPy's global one alone."""
     np.random.seed(5)  # noqa: NPY002  the state that must not change
@@ -131,7 +185,8 @@ def test_polishing_disturbs_every_objective_alike(objective):
         {"adversary": OBJECTIVES[objective].adversary} if OBJECTIVES[objective].escape_field else {}
     )
     setup = make_setup(PUSH, escape_field="grid" if kwargs else None, **kwargs)
-    samples = disturbed_samples(setup, CmaEsPlanner(objective=objective), seed=2)
+    planner = CmaEsPlanner(objective=objective, robust_samples=8)
+    samples = disturbed_samples(setup, planner, seed=2)
     assert all((params.adversary, params.disturbance) == (0.0, 0.005) for params in samples.params)
     assert samples.rows == 8 and len(set(samples.seed.tolist())) == 8
 
@@ -173,11 +228,19 @@ def test_plans_for_drawn_plants_differ_and_keep_what_was_drawn(tmp_path):
         planner.plan(PUSH, progress=False, randomize={"adversary": [0.0, 1.0]})
 
 
+def test_the_quick_budget_is_a_quarter_and_can_be_changed():
+    assert CmaEsPlanner.quick().rollouts < CmaEsPlanner().rollouts / 4
+    changed = CmaEsPlanner.quick(objective="contact", restarts=1)
+    assert (changed.objective, changed.restarts, changed.iterations) == ("contact", 1, 30)
+
+
 def test_bad_arguments():
     with pytest.raises(UnknownNameError, match="caging, contact, proximity"):
         CmaEsPlanner(objective="cage")
     with pytest.raises(UnknownNameError, match="enclose, rest"):
         CmaEsPlanner(start="home")
+    with pytest.raises(UnknownNameError, match="commanded, executed"):
+        CmaEsPlanner(judge="planned")
     for choice in (
         {"population": 0},
         {"population": 2.5},
@@ -186,6 +249,9 @@ def test_bad_arguments():
         {"screening": -5},
         {"robust_samples": 0},
         {"robust_points": 6},
+        {"moving_points": 6},
+        {"robust_share": 0.0},
+        {"robust_screening": -1},
         {"robust_sigma": np.nan},
     ):
         with pytest.raises(InvalidParameterError, match=next(iter(choice))):
