@@ -183,6 +183,11 @@ class PlantRows(Sequence[PlantParams]):
         return PlantRows(changed)
 
     @cached_property
+    def are_params(self) -> bool:
+        """Whether all of them are what they must be."""
+        return all(isinstance(params, PlantParams) for params in self._rows)
+
+    @cached_property
     def columns(self) -> dict[str, np.ndarray]:
         """One array for each parameter, shape (B,): numbers, or names as objects."""
         return {

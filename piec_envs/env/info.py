@@ -120,10 +120,11 @@ def with_masks(info: Mapping[str, np.ndarray], rows: np.ndarray) -> dict[str, np
     """
     masked: dict[str, np.ndarray] = {}
     whole = bool(rows.all())
-    for name, value in info.items():
+    masks = np.repeat(rows[None], len(info), axis=0)  # (entries, B), one of its own for each
+    for (name, value), mask in zip(info.items(), masks, strict=True):
         masked[name] = value
         if not whole:
             masked[name] = np.zeros_like(value)
             masked[name][rows] = value[rows]
-        masked[f"_{name}"] = rows.copy()
+        masked[f"_{name}"] = mask
     return masked

@@ -168,8 +168,8 @@ class Model:
             InvalidParameterError: if its object flees and there is no escape field.
         """
         state.check(state.rows if rows is None else rows, self.robot)
-        for params in dict.fromkeys(state.params):
-            self.check_params(params)
+        for row in state.params.fleeing[:1]:
+            self.check_params(state.params[row])
         return state
 
     # --- simulation --------------------------------------------------------------------------

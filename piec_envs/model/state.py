@@ -156,9 +156,7 @@ class State:
         """
         self._check_arrays(rows, robot.dof)
         self._check_places(robot)
-        if len(self.params) != rows or not all(
-            isinstance(params, PlantParams) for params in self.params
-        ):
+        if len(self.params) != rows or not self.params.are_params:
             raise InvalidStateError(
                 f"state field 'params' must be {rows} PlantParams, got {list(self.params)!r}"
             )
@@ -167,6 +165,8 @@ class State:
                 f"state field 'memory' must have {rows} arrays, got {len(self.memory)}"
             )
         for memory in self.memory:
+            if memory is NO_MEMORY:
+                continue
             as_floats("state field 'memory'", memory, (np.size(memory),), InvalidStateError)
 
     def _check_arrays(self, rows: int, dof: int) -> None:
