@@ -18,9 +18,9 @@ from evaluation.studies.contact_methods import (
     PAPER_CONTROLS,
     SMALL_TABLE,
     MethodSettings,
-    Printed,
     compare_methods,
 )
+from evaluation.studies.contact_rows import Printed
 
 ENV = "piec_envs/FrankaPush-v0"
 MISMATCHES = {

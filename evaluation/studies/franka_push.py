@@ -19,9 +19,9 @@ from evaluation.studies.contact_methods import (
     PAPER_CONTROLS,
     SMALL_TABLE,
     MethodSettings,
-    Printed,
     compare_methods,
 )
+from evaluation.studies.contact_rows import Printed
 
 ENV = "piec_envs/MobileFrankaPush-v0"
 MISMATCHES = {  # in the order of the paper's columns

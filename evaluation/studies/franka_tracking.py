@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import cycle, product
 from pathlib import Path
 from typing import Any
@@ -19,33 +18,17 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from evaluation.figures import (
-    Tracked,
-    keyframes,
-    mismatch_paths,
-    reference_paths,
-    tradeoff,
-    trajectories,
-)
 from evaluation.metrics import coverage
-from evaluation.studies.common import (
-    DRAWN_STARTS,
-    PLANNER_SEEDS,
-    SMOKE_PLANNER,
-    Case,
-    StudyRun,
-    column,
-    distance_columns,
-    spread,
-    success_columns,
-)
+from evaluation.studies.columns import column, distance_columns, spread, success_columns
+from evaluation.studies.common import DRAWN_STARTS, PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun
 from evaluation.studies.contact_methods import OPEN, SMALL_TABLE
 from evaluation.studies.franka_push import MISMATCHES, PLANNER
-from evaluation.studies.mismatch import evaluate_all, executed
+from evaluation.studies.franka_tracking_figures import draw_best, draw_lambdas
+from evaluation.studies.mismatch import evaluate_all
 from evaluation.studies.mismatch import mismatch_rows as plant_rows
-from evaluation.studies.pictures import case_setup, first_trajectories, over_plans
+from evaluation.studies.pictures import case_setup
 from evaluation.tables import write_table
-from piec_envs import PAPER_REFERENCE_POINTS, TRACKING_TOLERANCE, CostWeights
+from piec_envs import PAPER_REFERENCE_POINTS, CostWeights
 
 ENV = "piec_envs/MobileFrankaTrack-v0"
 # at the start; the first is the task's own
@@ -174,12 +157,12 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
         *(
             path
             for posture in settings.postures
-            for path in _draw_best(study, settings, posture, cases)
+            for path in draw_best(study, settings, posture, cases)
         ),
         *(
             path
             for posture in settings.postures
-            for path in _draw_lambdas(study, settings, posture, cases, results)
+            for path in draw_lambdas(study, settings, posture, cases, results)
         ),
     ]
 
@@ -273,63 +256,3 @@ def rank_correlation(first: Sequence[float], second: np.ndarray) -> float | None
         The correlation, in [-1, 1]; None where the second does not vary.
     """
     return float(spearmanr(first, second).statistic) if np.ptp(second) > 0 else None
-
-
-def _suffix(settings: Settings, posture: str) -> str:
-    """What the names of figures end in."""
-    return "" if posture == settings.postures[0] else f"_{posture}"
-
-
-def _draw_best(
-    study: StudyRun, settings: Settings, posture: str, cases: Mapping[Any, Case]
-) -> list[Path]:
-    """Key frames of the extremes from one posture, and how the plans of the largest lambda hold."""
-    folder = study.out_dir
-    suffix = _suffix(settings, posture)
-    line = (posture, settings.sides[0])
-    extremes = [cases[*line, min(settings.ratios)], cases[*line, max(settings.ratios)]]
-    best = extremes[-1:]
-    runs = [[executed(study, best[0], name, label) for name, label in settings.mismatches.items()]]
-    return study.draw(
-        partial(keyframes, first_trajectories(study, extremes), folder / f"keyframes{suffix}.png"),
-        partial(
-            trajectories,
-            first_trajectories(study, best, settings.noise),
-            folder / f"object_paths{suffix}.png",
-        ),
-        partial(
-            mismatch_paths,
-            first_trajectories(study, best),
-            runs,
-            folder / f"mismatch_paths{suffix}.png",
-        ),
-    )
-
-
-def _draw_lambdas(
-    study: StudyRun,
-    settings: Settings,
-    posture: str,
-    cases: Mapping[Any, Case],
-    results: Mapping[Any, Any],
-) -> list[Path]:
-    """The trade-off on the first arc, and paths and caging of each lambda on all, from one
-    posture.
-    """
-    points = {}
-    tracked = {}
-    for ratio in settings.ratios:
-        first = results[posture, settings.sides[0], ratio]
-        points[ratio] = np.column_stack(
-            [column(first, name) for name in ("mean_caging", "tracking_error")]
-        )
-        shown = [cases[posture, side, ratio] for side in settings.sides]
-        caging = [over_plans(study, case, "nominal", "caging")[0] for case in shown]
-        tracked[ratio] = [
-            Tracked(*pair) for pair in zip(first_trajectories(study, shown), caging, strict=True)
-        ]
-    suffix = _suffix(settings, posture)
-    return study.draw(
-        partial(tradeoff, points, study.out_dir / f"tradeoff{suffix}.png", TRACKING_TOLERANCE),
-        partial(reference_paths, tracked, study.out_dir / f"reference_paths{suffix}.png"),
-    )

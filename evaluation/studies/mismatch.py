@@ -12,7 +12,8 @@ from typing import Any
 from evaluation.figures import Executed, final_distances, mismatch_paths
 from evaluation.metrics import Interval, bootstrap_interval, wilson_interval
 from evaluation.protocols import get_protocol
-from evaluation.studies.common import Case, StudyRun, column, executions
+from evaluation.studies.columns import column, executions
+from evaluation.studies.common import Case, StudyRun
 from evaluation.studies.paper import all_notes
 from evaluation.studies.pictures import case_setup, first_trajectories, over_plans
 from evaluation.tables import Estimate, Rates, write_table

@@ -16,17 +16,13 @@ from typing import Any
 import numpy as np
 
 from evaluation.figures import contact_fractions, keyframes, over_time
-from evaluation.studies.common import (
-    PLANNER_SEEDS,
-    SMOKE_PLANNER,
-    Case,
-    StudyRun,
+from evaluation.studies.columns import (
     distance_columns,
     home_columns,
-    mode_cases,
     success_columns,
     usage_columns,
 )
+from evaluation.studies.common import PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun, mode_cases
 from evaluation.studies.paper import all_notes, paper_cases
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.studies.planar_disturbance import draw_disturbed

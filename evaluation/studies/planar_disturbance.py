@@ -14,15 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.figures import distance_bands, final_distances, overview, trajectories
-from evaluation.studies.common import (
-    PLANNER_SEEDS,
-    SMOKE_PLANNER,
-    Case,
-    StudyRun,
-    distance_columns,
-    mode_cases,
-    success_columns,
-)
+from evaluation.studies.columns import distance_columns, success_columns
+from evaluation.studies.common import PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun, mode_cases
 from evaluation.studies.paper import all_notes, paper_cases
 from evaluation.studies.pictures import first_trajectories, over_plans, sigma_of
 from evaluation.tables import write_table

@@ -16,16 +16,8 @@ from typing import Any
 import numpy as np
 
 from evaluation.figures import contact_fractions, field_strip, keyframes, over_time
-from evaluation.studies.common import (
-    PLANNER_SEEDS,
-    SMOKE_PLANNER,
-    Case,
-    StudyRun,
-    home_columns,
-    mode_cases,
-    spread,
-    usage_columns,
-)
+from evaluation.studies.columns import home_columns, spread, usage_columns
+from evaluation.studies.common import PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun, mode_cases
 from evaluation.studies.paper import all_notes, paper_cases
 from evaluation.studies.pictures import first_trajectories, over_plans
 from evaluation.tables import write_table

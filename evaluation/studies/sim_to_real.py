@@ -17,15 +17,8 @@ from typing import Any
 
 from evaluation.figures import Trajectory, space_keyframes, transfer_paths
 from evaluation.protocols import get_protocol
-from evaluation.studies.common import (
-    PLANNER_SEEDS,
-    SMOKE_PLANNER,
-    Case,
-    StudyRun,
-    column,
-    distance_columns,
-    success_columns,
-)
+from evaluation.studies.columns import column, distance_columns, success_columns
+from evaluation.studies.common import PLANNER_SEEDS, SMOKE_PLANNER, Case, StudyRun
 from evaluation.studies.contact_methods import METHODS, SMALL_TABLE
 from evaluation.studies.franka_fixed import ENV, PLANNER
 from evaluation.studies.pictures import first_trajectories, watched

@@ -5,9 +5,47 @@ from __future__ import annotations
 import numpy as np
 
 from piec_envs.dynamics.protocol import CONTROL_PERIOD, Motion
-from piec_envs.escape.field import EscapeField, key_points_world, object_escape_time
+from piec_envs.errors import InvalidParameterError
+from piec_envs.escape.field import (
+    EscapeField,
+    choose_field,
+    key_points_world,
+    object_escape_time,
+)
+from piec_envs.model.setup import Setup
 from piec_envs.model.state import State
+from piec_envs.model.task import PRIORS
 from piec_envs.world.objects import get_object
+
+
+def model_field(setup: Setup) -> EscapeField | None:
+    """The escape field of a model, fit for what is asked of it.
+
+    Args:
+        setup: of the model.
+
+    Returns:
+        The field; None where none is to be computed.
+
+    Raises:
+        InvalidParameterError: if the prior or an adversary needs a field that is not there, or a
+            leaky one.
+    """
+    if setup.escape_field is None:
+        flees = setup.plant.adversary or setup.randomize.get("adversary")
+        if setup.prior == PRIORS.index("caging") or flees:
+            raise InvalidParameterError(
+                "prior='caging' and adversary need an escape field, but escape_field=None"
+            )
+        return None
+    field = choose_field(setup.escape_field, setup.robot, threads=setup.threads)
+    if setup.prior == PRIORS.index("caging") and not field.leak > 0:
+        raise InvalidParameterError(
+            "the caging prior needs a leaky wall, since behind a hard one the escape time is "
+            "infinite; "
+            "take leak > 0 or prior=None"
+        )
+    return field
 
 
 def refresh_escape(field: EscapeField, state: State, rows: np.ndarray) -> None:

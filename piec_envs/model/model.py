@@ -14,16 +14,15 @@ from piec_envs.dynamics.by_row import DynamicsByRow, DynamicsOptions
 from piec_envs.dynamics.plant import PlantParams, PlantRows, draw_params
 from piec_envs.dynamics.protocol import Commands, Motion
 from piec_envs.errors import InvalidActionError, InvalidParameterError, InvalidStateError, as_floats
-from piec_envs.escape.field import CAGING_SCALE, EscapeField, choose_field
+from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.held import Keeper
 from piec_envs.model.disturbance import draw_disturbance, next_displacements
-from piec_envs.model.escape_clock import advance_escape, refresh_escape
+from piec_envs.model.escape_clock import advance_escape, model_field, refresh_escape
 from piec_envs.model.kernels import Yardstick, measure_rows, observe_rows
 from piec_envs.model.rollout import Rollout, join_rollouts
 from piec_envs.model.setup import Setup
 from piec_envs.model.start import StartSampler
 from piec_envs.model.state import State, join_states
-from piec_envs.model.task import PRIORS
 from piec_envs.model.terms import MEASURE_COLUMNS, MEASURES, observation_layout
 from piec_envs.parallel import run_rows
 from piec_envs.world.packed import pack_robot
@@ -50,7 +49,7 @@ class Model:
         self.task = setup.task
         self.weights = setup.weights
         self.robot = get_robot(setup.robot)
-        self.field = _make_field(setup)
+        self.field = model_field(setup)
         self.dynamics = DynamicsByRow(DynamicsOptions(setup.solver, setup.contact, setup.threads))
         self.layout = observation_layout(self.robot, self.task)
         packed = pack_robot(setup.robot)
@@ -299,22 +298,3 @@ class Model:
             values = term.write(state, self.task, self.robot)  # type: ignore[misc]
             observation[:, self.layout.slices[term.name]] = values
         return observation
-
-
-def _make_field(setup: Setup) -> EscapeField | None:
-    """The escape field, fit for what is asked of it."""
-    if setup.escape_field is None:
-        flees = setup.plant.adversary or setup.randomize.get("adversary")
-        if setup.prior == PRIORS.index("caging") or flees:
-            raise InvalidParameterError(
-                "prior='caging' and adversary need an escape field, but escape_field=None"
-            )
-        return None
-    field = choose_field(setup.escape_field, setup.robot, threads=setup.threads)
-    if setup.prior == PRIORS.index("caging") and not field.leak > 0:
-        raise InvalidParameterError(
-            "the caging prior needs a leaky wall, since behind a hard one the escape time is "
-            "infinite; "
-            "take leak > 0 or prior=None"
-        )
-    return field

@@ -13,7 +13,8 @@ import pytest
 
 from evaluation.records import read_records
 from evaluation.studies import STUDIES, get_study
-from evaluation.studies.common import Case, StudyRun, distance_columns, success_columns
+from evaluation.studies.columns import distance_columns, success_columns
+from evaluation.studies.common import Case, StudyRun
 from evaluation.studies.mismatch import with_starts
 from evaluation.studies.work import plan_file
 from evaluation.tables import cell
