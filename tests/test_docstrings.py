@@ -11,27 +11,14 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("piec_envs", "planners", "evaluation")
 PATHS = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 TEXTS = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PATHS}
-# Modules that do not keep the law yet, by folder. Each must still be in need of its place here.
-_PENDING = {
-    "piec_envs/env": "vector",
-    "piec_envs/model": "model",
-    "evaluation/studies": "contact_methods franka_caging",
-}
-PENDING = {f"{folder}/{name}.py" for folder, names in _PENDING.items() for name in names.split()}
 
 DOCUMENTED = methods_with_args(list(TEXTS.values()))
 
 
-@pytest.mark.parametrize("name", [name for name in TEXTS if name not in PENDING])
+@pytest.mark.parametrize("name", TEXTS)
 def test_public_functions_say_what_they_take_and_give(name):
     found = faults(TEXTS[name], DOCUMENTED)
     assert not found, "\n".join([name, *found])
-
-
-@pytest.mark.parametrize("name", sorted(PENDING))
-def test_pending_files_are_still_pending(name):
-    assert name in TEXTS, f"there is no {name}: take it off PENDING"
-    assert faults(TEXTS[name], DOCUMENTED), f"{name} keeps the law: take it off PENDING"
 
 
 GOOD = '''

@@ -151,7 +151,16 @@ class Budget:
     env_kwargs: Mapping[str, Any]
 
     def case(self, label: str, env_kwargs: Mapping[str, Any], objective: str) -> Case:
-        """A method under this budget."""
+        """A method under this budget.
+
+        Args:
+            label: what tables and figures call it.
+            env_kwargs: keyword arguments of the environment that make the method.
+            objective: row of the table of objectives.
+
+        Returns:
+            The case.
+        """
         return Case(
             label,
             {**self.planner, "objective": objective},
@@ -174,6 +183,9 @@ def all_cases(
         methods: keys of METHODS.
         controls: keys of CONTROLS, `rigid-carry`, or methods followed by ", " and one of the
             paper's presets.
+
+    Returns:
+        (methods, controls): their cases.
     """
     main = [budget.case(name, *METHODS[name]) for name in methods]
     others = []
@@ -200,6 +212,9 @@ def draw_methods(
         cases: what is compared.
         noise: protocol of the disturbed paths.
         mismatches: protocols of the mismatched paths and what the figure calls them.
+
+    Returns:
+        The files written.
     """
     folder = study.out_dir
     nominal = first_trajectories(study, cases)

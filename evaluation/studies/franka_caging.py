@@ -171,7 +171,18 @@ def run(settings: Settings, out_dir: Path, jobs: Any = 1, progress: bool = True)
 def make_work(
     settings: Settings, object_name: str, field_name: str, method: Method, start: int
 ) -> Work:
-    """One search from one start."""
+    """One search from one start.
+
+    Args:
+        settings: the knobs.
+        object_name: row of the table of objects.
+        field_name: row of the table of fields, which is optimised.
+        method: the search.
+        start: number of the start, which seeds it.
+
+    Returns:
+        The piece of work.
+    """
     spec = {
         "work": "posture",
         "robot": ROBOT,
@@ -187,7 +198,16 @@ def make_work(
 
 
 def search_once(spec: dict[str, Any], seed: int, context: Context) -> dict[str, Any]:
-    """Search from one start and judge the result."""
+    """Search from one start and judge the result.
+
+    Args:
+        spec: from `make_work`.
+        seed: of the start and of the search.
+        context: threads.
+
+    Returns:
+        What `search_posture` returns.
+    """
     return search_posture(spec["robot"], spec, seed, context)
 
 

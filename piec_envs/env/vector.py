@@ -29,20 +29,16 @@ from piec_envs.model.model import SEED_BOUND
 from piec_envs.model.state import State
 from piec_envs.rendering.renderer import Renderer
 
-NO_LIMIT = -1  # as Gymnasium writes it
-
 
 def _limit(max_episode_steps: int | None) -> float:
-    """Steps after which a row is truncated, infinite for none."""
-    if max_episode_steps is None or max_episode_steps == NO_LIMIT:
+    """Steps after which a row is truncated, infinite for none, which Gymnasium writes as -1."""
+    if max_episode_steps in (None, -1):
         return np.inf
     return as_count("max_episode_steps (None and -1 set no limit)", max_episode_steps)
 
 
 def _own_generator(seed: Any) -> tuple[np.random.Generator, int]:
-    """What the VectorEnv itself may draw from, and its seed: -1, as Gymnasium has it, where it is
-    not one number.
-    """
+    """What the VectorEnv itself draws from, and its seed; Gymnasium's -1 stands for several."""
     if np.ndim(seed) == 0:
         return seeding.np_random(int(seed))
     given = [int(entry) for entry in seed if entry is not None]
@@ -129,7 +125,15 @@ class VectorEnv(MotionInterface, PlainSpec, GymVectorEnv):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict]:
-        """Begin new episodes in all rows, or in those of options["reset_mask"]."""
+        """Begin new episodes.
+
+        Args:
+            seed: of all rows, one for each, or a number to which a row's own is added.
+            options: "reset_mask", the rows that begin, and those that the id's page names.
+
+        Returns:
+            The observations and the info of all rows.
+        """
         options = dict(options or {})
         mask = self._check_mask(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         rows = np.flatnonzero(mask)

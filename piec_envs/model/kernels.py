@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from piec_envs.kernels import batch_kernel
+from piec_envs.model.setup import Setup
 from piec_envs.model.task import GOAL_RADIUS, PAPER_REFERENCE_POINTS, PRIORS, CostWeights
 from piec_envs.model.terms import (
     COS_Q,
@@ -20,7 +21,10 @@ from piec_envs.model.terms import (
     REFERENCE,
     SIN_Q,
     TIME,
+    Layout,
 )
+from piec_envs.world.packed import pack_robot
+from piec_envs.world.robots import get_robot
 
 _CAGING, _CONTACT, _PROXIMITY = (PRIORS.index(name) for name in ("caging", "contact", "proximity"))
 _GOAL_DISTANCE = MEASURE_COLUMNS["goal_distance"]
@@ -35,7 +39,7 @@ _TASK, _COMMAND, _PRIOR, _COST = (
 
 
 class Yardstick(NamedTuple):
-    """What states are measured by and observed with."""
+    """What states are measured by and observed with; `make_yardstick` makes it."""
 
     prior: int  # index into PRIORS, or -1 for none
     weights: CostWeights  # of the stage cost
@@ -47,6 +51,31 @@ class Yardstick(NamedTuple):
     upper: np.ndarray  # (n,)
     base: int  # leading joints that slide the base along x and y, 0 or 2
     at: np.ndarray  # (terms,) first entry of each term of TERMS, -1 where it is left out
+
+
+def make_yardstick(setup: Setup, layout: Layout) -> Yardstick:
+    """What the states of a model are measured by and observed with.
+
+    Args:
+        setup: of the model.
+        layout: of its observations.
+
+    Returns:
+        The numbers for the kernels below.
+    """
+    robot = pack_robot(setup.robot)
+    return Yardstick(
+        prior=setup.prior,
+        weights=setup.weights,
+        goal=np.asarray(setup.task.goal, dtype=float),
+        reference=setup.task.reference,
+        horizon=setup.task.horizon,
+        speed_limit=robot.speed_limit,
+        lower=robot.lower,
+        upper=robot.upper,
+        base=get_robot(setup.robot).base_dof,
+        at=layout.offsets,
+    )
 
 
 @batch_kernel

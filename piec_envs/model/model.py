@@ -18,14 +18,13 @@ from piec_envs.escape.field import CAGING_SCALE
 from piec_envs.held import Keeper
 from piec_envs.model.disturbance import draw_disturbance, next_displacements
 from piec_envs.model.escape_clock import advance_escape, model_field, refresh_escape
-from piec_envs.model.kernels import Yardstick, measure_rows, observe_rows
+from piec_envs.model.kernels import make_yardstick, measure_rows, observe_rows
 from piec_envs.model.rollout import Rollout, join_rollouts
 from piec_envs.model.setup import Setup
 from piec_envs.model.start import StartSampler
 from piec_envs.model.state import State, join_states
 from piec_envs.model.terms import MEASURE_COLUMNS, MEASURES, observation_layout
 from piec_envs.parallel import run_rows
-from piec_envs.world.packed import pack_robot
 from piec_envs.world.robots import get_robot
 
 SEED_BOUND = 2**63 - 1  # of the episode seeds drawn from a generator
@@ -52,20 +51,7 @@ class Model:
         self.field = model_field(setup)
         self.dynamics = DynamicsByRow(DynamicsOptions(setup.solver, setup.contact, setup.threads))
         self.layout = observation_layout(self.robot, self.task)
-        packed = pack_robot(setup.robot)
-        by = Yardstick(
-            prior=setup.prior,
-            weights=setup.weights,
-            goal=np.asarray(self.task.goal, dtype=float),
-            reference=self.task.reference,
-            horizon=self.task.horizon,
-            speed_limit=packed.speed_limit,
-            lower=packed.lower,
-            upper=packed.upper,
-            base=self.robot.base_dof,
-            at=self.layout.offsets,
-        )
-        self._yardstick = Keeper(by)
+        self._yardstick = Keeper(make_yardstick(setup, self.layout))
         self._start = StartSampler(setup)
         if setup.posture_given:
             self._start.check_posture(setup.plant.object)
@@ -162,6 +148,9 @@ class Model:
             state: the state.
             rows: how many rows it must have; None takes any number.
 
+        Returns:
+            The same.
+
         Raises:
             InvalidStateError: if its arrays do not fit.
             InvalidParameterError: if its object flees and there is no escape field.
@@ -219,6 +208,9 @@ class Model:
             values: finite, as in `rollout`, shape (B, N, n).
             absolute: whether `values` are joint positions.
             noise: from `draw_disturbance`.
+
+        Returns:
+            The trajectories.
         """
         if not len(state.params.fleeing):
             return self._advance(state, values, absolute, noise)
