@@ -16,12 +16,9 @@ from contextlib import contextmanager
 from piec_envs.console import note
 
 NOTICE_SECONDS = 1.5
-# us of work on one core below which a second thread costs more than it brings
-WORTH_THREADS = 150.0
-# Shares for each thread, and us of work that a share has at least: a thread that wakes late takes
-# fewer of them, and nobody waits for it.
-SHARES = 4
-SHARE_WORK = 80.0
+# us of work on one core below which a second thread, which takes about 100 us to wake and to be
+# waited for, costs more than it brings
+WORTH_THREADS = 400.0
 _compiled: set[Callable] = set()
 _pool: ThreadPoolExecutor | None = None
 
@@ -63,19 +60,13 @@ def run_rows(
     global _pool
     if _pool is None:
         _pool = ThreadPoolExecutor(available_threads(), thread_name_prefix="piec")
-    count = int(min(rows, SHARES * threads, max(threads, work / SHARE_WORK)))
-    bounds = [rows * i // count for i in range(count + 1)]
-    shares = iter(list(zip(bounds[:-1], bounds[1:], strict=True)))
-
-    def take_shares() -> None:
-        for lo, hi in shares:
-            kernel(lo, hi, *args)
-
-    jobs = [_pool.submit(take_shares) for _ in range(threads - 1)]
-    take_shares()
+    bounds = [rows * i // threads for i in range(threads + 1)]
+    jobs = [
+        _pool.submit(kernel, lo, hi, *args) for lo, hi in zip(bounds[1:-1], bounds[2:], strict=True)
+    ]
+    kernel(bounds[0], bounds[1], *args)
     for job in jobs:
-        if not job.cancel():  # one that has not begun finds nothing left to do
-            job.result()
+        job.result()
 
 
 @contextmanager
