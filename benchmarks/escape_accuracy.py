@@ -81,14 +81,19 @@ def against_scikit(resolution: int, rows: int) -> dict:
     """
     import skfmm
 
-    field, q = GridField(ROBOT, resolution, "marching"), np.zeros(4)
+    field = GridField(ROBOT, resolution, "marching")
+    q = np.zeros(4)
     x, y = np.meshgrid(field.solve(q).x, field.solve(q).y)
-    nodes, h = np.stack([x, y], -1), float(x[0, 1] - x[0, 0])  # (N, N, 2)
-    inside, bound = get_robot(ROBOT).workspace_radius - np.hypot(x, y), least_time(ROBOT, nodes)
+    # (N, N, 2)
+    nodes = np.stack([x, y], -1)
+    h = float(x[0, 1] - x[0, 0])
+    inside = get_robot(ROBOT).workspace_radius - np.hypot(x, y)
+    bound = least_time(ROBOT, nodes)
     own = (
         np.asarray(skfmm.travel_time(inside, np.full(x.shape, field.u_bar), dx=h, order=2)) - bound
     )
-    differences, corrected = [], []
+    differences = []
+    corrected = []
     for q in np.concatenate([point_set(kind, rows // 2, 1)[1] for kind in ("uniform", "curled")]):
         drawn = field.solve(q)
         T = np.asarray(skfmm.travel_time(inside, drawn.speed, dx=h, order=2))
@@ -125,7 +130,8 @@ def gradients(
         field.query(points, q + e) - field.query(points, q - e) for e in step * np.eye(q.shape[1])
     ]
     in_p = [field.query(points + e, q) - field.query(points - e, q) for e in step * np.eye(2)]
-    in_q, in_p = np.stack(in_q, -1) / (2 * step), np.stack(in_p, -1) / (2 * step)
+    in_q = np.stack(in_q, -1) / (2 * step)
+    in_p = np.stack(in_p, -1) / (2 * step)
     felt = reachable & (np.linalg.norm(in_q, axis=-1) > 0.5)  # s/rad
     table = []
     for resolution, method in ((200, "marching"), (64, "marching"), (64, "sweeping")):
@@ -151,7 +157,8 @@ def pressed_points(rows: int, seed: int = 0, reach: float = 1.0) -> tuple[np.nda
     its q.
     """
     rng = np.random.default_rng(seed)
-    chosen, configurations = [], []
+    chosen = []
+    configurations = []
     while len(chosen) < rows:
         q = np.concatenate([rng.uniform(-np.pi, np.pi, 1), rng.uniform(-0.5, 0.5, 3)])
         a, b = robot_vertices(ROBOT, q)[2 * rng.integers(3) :][:2]

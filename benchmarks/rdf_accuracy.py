@@ -39,7 +39,9 @@ def shell_points(body: str, rng: np.random.Generator) -> np.ndarray:
     (B, 3).
     """
     vertices = mesh_vertices(body)
-    hull, low, high = convex_hull(vertices), vertices.min(axis=0), vertices.max(axis=0)
+    hull = convex_hull(vertices)
+    low = vertices.min(axis=0)
+    high = vertices.max(axis=0)
     around = rng.uniform(low - SHELL, high + SHELL, (2 * POINTS, 3))
     inside = rng.uniform(low, high, (2 * POINTS, 3))
     d = exact_distance(hull, around)
@@ -54,7 +56,8 @@ def accuracy(d: np.ndarray, slope: np.ndarray, true: np.ndarray) -> dict:
     norm = np.linalg.norm(slope, axis=-1)
     for side, rows in (("outside", (true > 0) & (true <= SHELL)), ("inside", true <= 0)):
         error = np.abs(d - true)[rows]
-        row[f"{side} mean_mm"], row[f"{side} max_mm"] = 1e3 * error.mean(), 1e3 * error.max()
+        row[f"{side} mean_mm"] = 1e3 * error.mean()
+        row[f"{side} max_mm"] = 1e3 * error.max()
         row[f"{side} norm"] = np.median(norm[rows])
         row[f"{side} norm 1+-0.05_%"] = 100 * np.mean(np.abs(norm[rows] - 1) < 0.05)
     return row
@@ -62,7 +65,8 @@ def accuracy(d: np.ndarray, slope: np.ndarray, true: np.ndarray) -> dict:
 
 def bodies(shapes: dict) -> list[dict]:
     """Every body by itself, in its frame."""
-    table, still = [], body_frames(np.zeros(7))
+    table = []
+    still = body_frames(np.zeros(7))
     for name, body in NAMES.items():
         points = shell_points(body, np.random.default_rng(0))
         pose = still[BODIES.index(body)]
@@ -75,7 +79,8 @@ def bodies(shapes: dict) -> list[dict]:
 
 def true_distance(points: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Exact distance of points (k, 3) to the moving bodies in the posture q (7,), m."""
-    frames, best = body_frames(q), np.full(len(points), np.inf)
+    frames = body_frames(q)
+    best = np.full(len(points), np.inf)
     for body in MOVING:
         pose = frames[BODIES.index(body)]
         local = (points - pose[:3, 3]) @ pose[:3, :3]
@@ -86,7 +91,8 @@ def true_distance(points: np.ndarray, q: np.ndarray) -> np.ndarray:
 def whole_arm(shapes: dict, postures: int = 10) -> dict:
     """The whole arm in random postures, at points around random bodies and in them."""
     rng = np.random.default_rng(1)
-    field, found = RobotDistanceField(shapes), []
+    field = RobotDistanceField(shapes)
+    found = []
     for q in rng.uniform(LOWER, UPPER, (postures, 7)):
         frames = body_frames(q)
         local = {body: shell_points(body, rng)[:: 5 * postures] for body in MOVING}
@@ -138,7 +144,8 @@ def exact_speed() -> dict:
 
 def grid_speed() -> dict:
     """Milliseconds of one escape field of 200 x 200 nodes on one core, with either distance."""
-    q, point = np.array([[0.3, -1.8, 1.4]]), np.array([[[0.3, 0.1]]])
+    q = np.array([[0.3, -1.8, 1.4]])
+    point = np.array([[[0.3, 0.1]]])
     row: dict = {"check": "escape field, time"}
     for name in ("rdf", "polygons"):
         field = GridField("franka", 200, "marching", threads=1, distance=name)
@@ -165,7 +172,8 @@ def degrees() -> list[dict]:
 
 def against_polygons(shapes: dict) -> list[dict]:
     """The field in the plane minus the distance to the planar robot, and T on either."""
-    table, field = [], RobotDistanceField(shapes)
+    table = []
+    field = RobotDistanceField(shapes)
     for kind in ("uniform", "curled"):
         rng = np.random.default_rng(3)
         q = draw_configurations("franka", kind, 50, rng)

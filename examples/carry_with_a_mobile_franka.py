@@ -30,7 +30,9 @@ def main(env_kwargs: dict, episodes: int, every: int, out: Path) -> None:
         )
     env = gym.make(ENV, start="cage", disturbance=0.005, render_mode="rgb_array", **env_kwargs)
     observation, _ = env.reset(seed=0)
-    frames, done, step = [], False, 0
+    frames = []
+    done = False
+    step = 0
     while not done:
         if step % every == 0:
             frames.append(env.render())

@@ -109,10 +109,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def _fail_if_skipped(report: Any, config: pytest.Config) -> None:
     if config.getoption("--no-skips") and report.skipped and not hasattr(report, "wasxfail"):
-        report.outcome, report.longrepr = (
-            "failed",
-            f"skipped, which --no-skips forbids: {report.longrepr}",
-        )
+        report.outcome = "failed"
+        report.longrepr = f"skipped, which --no-skips forbids: {report.longrepr}"
 
 
 @pytest.hookimpl(wrapper=True)
@@ -171,7 +169,8 @@ def own_cache(shared_folder):
     """The user's cache is neither read nor written; a table that one worker solves, others wait
     for.
     """
-    folder, kept_table = shared_folder / "solving", table.kept_table
+    folder = shared_folder / "solving"
+    kept_table = table.kept_table
     folder.mkdir(exist_ok=True)
 
     def kept_alone(name, digest, shape, make):
@@ -189,7 +188,8 @@ def compiled_once(shared_folder):
     """What one worker compiles, others wait for and load; without this each would compile
     everything for itself.
     """
-    folder, compile_one = shared_folder / "compiling", Dispatcher.compile
+    folder = shared_folder / "compiling"
+    compile_one = Dispatcher.compile
     folder.mkdir(exist_ok=True)
     held: list[str] = []
 

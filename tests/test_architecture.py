@@ -41,7 +41,9 @@ LAYERS = {
     "wrappers": 6,
     "registration": 7,
 }
-ENV, TOP = 5, 8  # TOP: piec_envs/__init__.py, which nothing inside may import
+# TOP: piec_envs/__init__.py, which nothing inside may import
+ENV = 5
+TOP = 8
 
 
 def module_name(path: Path) -> str:
@@ -103,7 +105,8 @@ def may_import(importer: str, imported: str) -> bool:
         return there < here
     if here != 0 or part_of(imported) in SHARED:
         return True
-    a, b = part_of(importer), part_of(imported)
+    a = part_of(importer)
+    b = part_of(imported)
     if a in SHARED:
         return False
     return a == b or layer(b) < layer(a) or layer(a) == layer(b) == ENV

@@ -63,7 +63,8 @@ def test_what_is_enclosed_is_what_a_flood_does_not_leave(turn, curl, shift):
     pose = np.array([*robot_frames("planar_arm", q)[:, :2].mean(axis=0) + shift, 0.0])
     escape = solve_escape("planar_arm", CIRCLE, pose, q)
     # either side of what two grids may see otherwise
-    wide, narrow = floods(q, pose, 0.015), floods(q, pose, -0.015)
+    wide = floods(q, pose, 0.015)
+    narrow = floods(q, pose, -0.015)
     if wide == narrow and robot_distance("planar_arm", pose[None, :2], q)[0] > SPEED.d0 + 0.015:
         assert escape.enclosed != wide
         # the only way leads through the wall

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = [
     path
-    for package in ("piec_envs", "planners", "evaluation")
+    for package in ("piec_envs", "planners", "evaluation", "benchmarks", "examples", "tests")
     for path in sorted((ROOT / package).rglob("*.py"))
 ]
 

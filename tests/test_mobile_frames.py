@@ -130,9 +130,11 @@ def test_the_goal_stays_where_it_is_and_the_workspace_goes_along(renderer):
         before, after = frames(renderer, "point")
     except RenderingError as error:
         pytest.skip(str(error))
-    (goal, count), (same, _) = place(before, green=True), place(after, green=True)
+    (goal, count) = place(before, green=True)
+    (same, _) = place(after, green=True)
     assert count > 100 and np.abs(goal - same).max() < 3
-    (edge, count), (moved, _) = place(before, green=False), place(after, green=False)
+    (edge, count) = place(before, green=False)
+    (moved, _) = place(after, green=False)
     assert count > 300 and (moved - edge > 15).all()
 
 

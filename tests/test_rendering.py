@@ -86,7 +86,8 @@ def test_every_object_is_drawn(name):
 
 def test_loose_bodies_are_drawn_where_they_are():
     model, state, measured = episode(object="a4_box_roll_1", escape_field=None, dynamics="mujoco")
-    before, memory = render_frame(model, state, measured, 0, size=SIZE), state.memory[0].copy()
+    before = render_frame(model, state, measured, 0, size=SIZE)
+    memory = state.memory[0].copy()
     memory[12] -= 0.5  # x of the roll, after the time, four joints and the box
     state.memory[0] = memory
     after = render_frame(model, state, measured, 0, size=SIZE)
@@ -181,7 +182,8 @@ def test_unknown_renderer_is_refused(maker):
 def test_frames_in_space_follow_the_state(space):
     first = at(space, [0.5, 0.4, 0.0])
     assert first.shape == (720, 720, 3) and first.dtype == np.uint8
-    moved, bent = at(space, [0.1, 0.4, 0.0]), at(space, [0.5, 0.4, 0.0], CURLED)
+    moved = at(space, [0.1, 0.4, 0.0])
+    bent = at(space, [0.5, 0.4, 0.0], CURLED)
     assert np.array_equal(first, at(space, [0.5, 0.4, 0.0]))
     assert not np.array_equal(first, moved) and not np.array_equal(first, bent)
 
@@ -197,7 +199,8 @@ def test_object_and_goal_stand_where_they_should(space):
 def test_loose_bodies_stand_in_space_where_they_are(space):
     env = spatial(object="a4_box_roll_1", dynamics="mujoco").unwrapped
     env.reset(seed=0)
-    before, state = env.render(), env.get_state()
+    before = env.render()
+    state = env.get_state()
     state.memory[0] = state.memory[0].copy()
     state.memory[0][12] -= 0.5  # x of the roll, after the time, four joints and the box
     env.set_state(state)
@@ -236,7 +239,9 @@ def test_a_static_posture_is_seen_from_nearer(space, pose):
 
 
 def test_a_close_view_holds_robot_and_object():
-    robot, item, rng = get_robot("franka_capsules"), get_object("box"), np.random.default_rng(0)
+    robot = get_robot("franka_capsules")
+    item = get_object("box")
+    rng = np.random.default_rng(0)
     for q in rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"), (20, 3)):
         pose = rng.uniform([-0.5, -0.5, -3], [0.5, 0.5, 3])
         centre, half = close_view(robot, q, item, pose)

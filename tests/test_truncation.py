@@ -67,7 +67,8 @@ def test_a_file_of_another_kind_is_refused_at_every_byte(tmp_path):
     """And left as it is; an empty one, or the first bytes that both kinds share, may still become
     records.
     """
-    data, path = b'{"format":"piec-other-9","key":"a"}\nrest', tmp_path / "other.jsonl"
+    data = b'{"format":"piec-other-9","key":"a"}\nrest'
+    path = tmp_path / "other.jsonl"
     for cut in range(len(b'{"format":"piec-') + 1, len(data) + 1):
         path.write_bytes(data[:cut])
         for read in (read_records, RecordFile):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,23 @@ from evaluation.studies.franka_push import PLANNER as FRANKA_PLANNER
 from piec_envs import MissingDependencyError, choose_field, get_task
 from planners import CagingProblem, CmaEsConfiguration, CmaEsPlanner, OpenLoopPolicy, Plan
 from planners.via_points import ViaPointTrajectory
+
+DISTURBANCE = "disturbance-5mm"
+FRESH = 500_000  # seeds of executions from here on, which no planner has seen
+ONCE: dict[str, Any] = {"iterations": 1, "population": 2, "restarts": 1, "robust_iterations": 1}
+
+
+def _warm(planner: CmaEsPlanner) -> CmaEsPlanner:
+    """The planner, once kernels and field are loaded."""
+    dataclasses.replace(planner, **ONCE).plan(PUSH, progress=False)
+    return planner
+
+
+def _timed_plan(planner: CmaEsPlanner, seed: int, progress: bool) -> tuple[Plan, float]:
+    """A plan and how long it took, s."""
+    begin = time.perf_counter()
+    plan = planner.plan(PUSH, seed=seed, progress=progress)
+    return plan, time.perf_counter() - begin
 
 
 def default_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
@@ -30,13 +49,8 @@ def default_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
     """
     rows = []
     for objective in ("contact", "caging"):
-        planner = CmaEsPlanner(objective=objective, **dict(sizes.default))
-        planner_once = CmaEsPlanner(objective=objective, **{**dict(sizes.default), **ONCE})
-        # kernels and field are loaded before the clock
-        planner_once.plan(PUSH, seed=0, progress=False)
-        begin = time.perf_counter()
-        plan = planner.plan(PUSH, seed=0, progress=progress)
-        seconds = time.perf_counter() - begin
+        planner = _warm(CmaEsPlanner(objective=objective, **dict(sizes.default)))
+        plan, seconds = _timed_plan(planner, 0, progress)
         note = (
             f"{planner.rollouts} trajectories x {plan.horizon} steps, {planner.restarts} "
             f"searches, warm"
@@ -58,14 +72,12 @@ def plan_budgets(sizes: Sizes, progress: bool = False) -> list[Row]:
     rows = []
     plans, executions = sizes.budgets
     for name, make in (("quick", CmaEsPlanner.quick), ("default", CmaEsPlanner)):
-        planner = make(**dict(sizes.default))
-        make(**{**dict(sizes.default), **ONCE}).plan(PUSH, progress=False)  # before the clock
+        planner = _warm(make(**dict(sizes.default)))
         times = []
         rates = []
         for seed in range(plans):
-            begin = time.perf_counter()
-            plan = planner.plan(PUSH, seed=seed, progress=progress)
-            times.append(time.perf_counter() - begin)
+            plan, seconds = _timed_plan(planner, seed, progress)
+            times.append(seconds)
             done = evaluate(
                 OpenLoopPolicy(plan), PUSH, DISTURBANCE, executions, FRESH + 1000 * seed
             )
@@ -78,11 +90,6 @@ def plan_budgets(sizes: Sizes, progress: bool = False) -> list[Row]:
         )
         rows.append(row(f"{label}, success at 5 mm", float(np.mean(rates)), "", "", note))
     return rows
-
-
-DISTURBANCE = "disturbance-5mm"
-FRESH = 500_000  # seeds of executions from here on, which no planner has seen
-ONCE = {"iterations": 1, "population": 2, "restarts": 1, "robust_iterations": 1}
 
 
 def one_search(sizes: Sizes, progress: bool = False) -> list[Row]:

@@ -24,7 +24,8 @@ REPEATED = [
 @pytest.mark.parametrize(("env_id", "choice"), REPEATED, ids=str)
 def test_a_repeated_action_is_that_many_steps(env_id, choice):
     repeat = 8
-    held, plain = gym.make(env_id, action_repeat=repeat, **choice), gym.make(env_id, **choice)
+    held = gym.make(env_id, action_repeat=repeat, **choice)
+    plain = gym.make(env_id, **choice)
     assert data_equivalence(held.reset(seed=3)[0], plain.reset(seed=3)[0], exact=True)
     rng = np.random.default_rng(1)
     for _ in range(6):
@@ -41,7 +42,8 @@ def test_a_repeated_action_is_that_many_steps(env_id, choice):
 
 def test_repeated_actions_end_at_the_horizon():
     choice = {"action_repeat": 125, "escape_field": None}
-    env, envs = gym.make(PUSH, **choice), gym.make_vec(PUSH, num_envs=2, **choice)
+    env = gym.make(PUSH, **choice)
+    envs = gym.make_vec(PUSH, num_envs=2, **choice)
     env.reset(seed=0)
     envs.reset(seed=0)
     for action in range(1, 9):

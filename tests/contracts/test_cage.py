@@ -29,7 +29,8 @@ def env():
 def test_reward_is_the_planners_value_on_the_scale_of_caging(env):
     problem = CagingProblem("planar_arm", "three_discs", POSE, choose_field("auto", "planar_arm"))
     q = np.random.default_rng(0).uniform(problem.lower, problem.upper, (20, 4))
-    values, taken = [], []
+    values = []
+    taken = []
     for posture in q:
         env.reset()
         _, reward, terminated, truncated, info = env.step(action_of(posture))

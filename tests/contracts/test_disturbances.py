@@ -38,7 +38,8 @@ def test_adversary_flees_down_the_escape_time():
     _, info = env.reset(
         seed=0, options={"state": {"q_r": [2.5, 0.5, 0.5, 0.5], "pose": [0.5, -0.3, 0.0]}}
     )
-    times, before = [info["escape_time"]], env.get_state().pose[0]
+    times = [info["escape_time"]]
+    before = env.get_state().pose[0]
     for _ in range(60):
         times.append(env.step(np.zeros(4))[4]["escape_time"])
     moved = np.linalg.norm(env.get_state().pose[0, :2] - before[:2])

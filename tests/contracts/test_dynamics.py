@@ -56,7 +56,8 @@ def test_rows_threads_and_repetition_change_nothing(random_motion, name):
     )
     assert motion.contact.any()
     assert_same(motion, again)
-    start, rows = start_of(motion), len(motion.q_r)
+    start = start_of(motion)
+    rows = len(motion.q_r)
     together = make(name).rollout(*start, Commands(motion.actions), plant_of(["square"] * rows))
     for i in range(2):
         one = [array[i : i + 1] for array in start]
@@ -85,8 +86,10 @@ def test_two_halves_make_a_whole(random_motion, name):
 
 @every_dynamics
 def test_without_contact_the_object_rests_and_the_arm_follows(name):
-    rng, rows = np.random.default_rng(0), 5
-    q, pose = np.tile(ROBOT.home, (rows, 1)), np.tile([-1.1, -0.4, 0.3], (rows, 1))
+    rng = np.random.default_rng(0)
+    rows = 5
+    q = np.tile(ROBOT.home, (rows, 1))
+    pose = np.tile([-1.1, -0.4, 0.3], (rows, 1))
     actions = np.repeat(rng.uniform(-1, 1, (rows, 4, 4)), 40, axis=1)  # (rows, 160, 4)
     motion = make(name).rollout(q, q, pose, Commands(actions), plant_of(["square"] * rows))
     assert motion.link_distance.min() > 0.01
@@ -101,8 +104,10 @@ def test_without_contact_the_object_rests_and_the_arm_follows(name):
 @pytest.mark.parametrize("model", [ContactModel(), PAPER_MODEL], ids=["default", "paper"])
 def test_the_lead_of_the_command_follows_the_settings(name, model):
     """A command far ahead of its joint is cut to the robot's lead, or kept."""
-    dynamics, far = DYNAMICS[name].made(DynamicsOptions(model=model)), np.array([[-1.1, -0.4, 0.3]])
-    q, ahead = ROBOT.home[None], ROBOT.home[None] + 0.2
+    dynamics = DYNAMICS[name].made(DynamicsOptions(model=model))
+    far = np.array([[-1.1, -0.4, 0.3]])
+    q = ROBOT.home[None]
+    ahead = ROBOT.home[None] + 0.2
     motion = dynamics.rollout(q, ahead, far, Commands(np.zeros((1, 1, 4))), plant_of(["circle"]))
     lead = ahead - q if model.unlimited_lead else ROBOT.joint_array("max_lead")[None]
     np.testing.assert_allclose(motion.q_cmd[:, 1] - q, lead, atol=1e-12)
@@ -113,7 +118,8 @@ def test_distances_are_those_of_the_geometry(random_motion, name):
     motion = random_motion(
         "three_discs", rows=6, steps=30, seed=6, sigma=0.003, dynamics=make(name)
     )
-    scene, distances = pack_scene("planar_arm", "three_discs"), np.empty(4)
+    scene = pack_scene("planar_arm", "three_discs")
+    distances = np.empty(4)
     for i, t in np.ndindex(motion.q_r.shape[:2]):
         scene_distances(scene, motion.q_r[i, t], motion.pose[i, t], distances)
         np.testing.assert_allclose(motion.link_distance[i, t], distances, atol=1e-12)
@@ -161,7 +167,8 @@ def test_slow_straight_push_by_a_links_side():
 
 def test_rows_of_a_batch_may_differ_in_their_dynamics(random_motion):
     whole = random_motion("square", rows=8, steps=30, seed=8)
-    count, commands = len(whole.q_r), Commands(whole.actions)
+    count = len(whole.q_r)
+    commands = Commands(whole.actions)
     names = [list(DYNAMICS)[i % 2] for i in range(count)]
     mixed = DynamicsByRow().rollout(
         *start_of(whole), commands, plant_of(["square"] * count, dynamics=names)
@@ -176,11 +183,9 @@ def test_rows_of_a_batch_may_differ_in_their_dynamics(random_motion):
 
 @every_dynamics
 def test_arrays_that_do_not_fit_are_refused(name):
-    q, pose, good = (
-        np.zeros((2, 4)),
-        np.tile([0.0, 0.9, 0.0], (2, 1)),
-        Commands(np.zeros((2, 3, 4))),
-    )
+    q = np.zeros((2, 4))
+    pose = np.tile([0.0, 0.9, 0.0], (2, 1))
+    good = Commands(np.zeros((2, 3, 4)))
     for arrays in (
         (q[:1], q, pose, good, plant_of(["circle"] * 2)),
         (q, q, pose[:, :2], good, plant_of(["circle"] * 2)),
@@ -198,7 +203,8 @@ def test_arrays_that_do_not_fit_are_refused(name):
 
 
 def test_unknown_dynamics_are_refused():
-    q, pose = np.zeros((1, 4)), np.array([[0.0, 0.9, 0.0]])
+    q = np.zeros((1, 4))
+    pose = np.array([[0.0, 0.9, 0.0]])
     with pytest.raises(UnknownNameError, match="mujoco, quasi_dynamic"):
         DynamicsByRow().rollout(
             q, q, pose, Commands(np.zeros((1, 1, 4))), plant_of(["circle"], dynamics=["magic"])

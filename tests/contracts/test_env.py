@@ -134,8 +134,10 @@ def test_reset_is_reproducible(env_id, choice):
     env = gym.make(env_id, **choice)
     shape = (20 if env_id in MOTIONS else 1, *env.action_space.shape)
     actions = np.random.default_rng(0).uniform(-1, 1, shape)
-    first, unseeded = episode(env, 7), episode(env, None)
-    again, unseeded_again = episode(env, 7), episode(env, None)
+    first = episode(env, 7)
+    unseeded = episode(env, None)
+    again = episode(env, 7)
+    unseeded_again = episode(env, None)
     for one, other in ((first, again), (unseeded, unseeded_again)):
         np.testing.assert_array_equal(one[0], other[0])
         assert one[1] == other[1]
@@ -159,7 +161,8 @@ def test_compute_reward_is_vectorised_and_equals_the_step():
         ).unwrapped
         env.reset(seed=0)
         observation, reward, *_ = env.step(np.ones(4))
-        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
+        achieved = observation["achieved_goal"]
+        desired = observation["desired_goal"]
         assert env.compute_reward(achieved, desired, {}) == reward
         many = env.compute_reward(np.stack([achieved, desired]), np.stack([desired, desired]), None)
         np.testing.assert_array_equal(many, [reward, 0.0])

@@ -16,7 +16,8 @@ from piec_envs.env.makers import PlanarArmPush
 from piec_envs.env.registry import ENVS, MOTIONS
 from piec_envs.errors import InvalidActionError, PiecError, ResetNeededError, UnknownArgumentError
 
-PUSH, CAGE = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"
+PUSH = "piec_envs/PlanarArmPush-v0"
+CAGE = "piec_envs/PlanarArmCage-v0"
 WITHOUT_FIELD = {"escape_field": None}
 COARSE = {"escape_field": {"name": "grid", "resolution": 48, "method": "marching"}}
 
@@ -108,7 +109,8 @@ def test_a_single_env_needs_a_reset_without_gymnasiums_own_check_too(env_id):
 
 
 def test_a_refused_reset_begins_nothing():
-    env, envs = gym.make(PUSH, **WITHOUT_FIELD).unwrapped, native(PUSH)
+    env = gym.make(PUSH, **WITHOUT_FIELD).unwrapped
+    envs = native(PUSH)
     for each in (env, envs):
         with pytest.raises(PiecError):
             each.reset(options={"state": {"pose": [0.5, 0.0, 0.0]}})
@@ -117,7 +119,8 @@ def test_a_refused_reset_begins_nothing():
 
 
 def test_a_state_begins_the_episodes_too():
-    first, second = native(PUSH, max_episode_steps=3), native(PUSH, max_episode_steps=3)
+    first = native(PUSH, max_episode_steps=3)
+    second = native(PUSH, max_episode_steps=3)
     first.reset(seed=0)
     second.unwrapped.set_state(first.unwrapped.get_state())
     for _ in range(5):  # and rows without a seed of their own begin anew
@@ -154,13 +157,15 @@ def check_entries(info, shape):
 @pytest.mark.parametrize("env_id", ENVS)
 def test_infos_are_numbers_in_flat_arrays(env_id):
     env = gym.make(env_id, **quick(env_id))
-    info, stepped = env.reset(seed=0)[1], env.step(env.action_space.sample())[4]
+    info = env.reset(seed=0)[1]
+    stepped = env.step(env.action_space.sample())[4]
     assert info.keys() == stepped.keys()
     check_entries(info, ())
     check_entries(stepped, ())
     for make in (native, synchronous):
         envs = make(env_id)
-        several, later = envs.reset(seed=0)[1], envs.step(envs.action_space.sample())[4]
+        several = envs.reset(seed=0)[1]
+        later = envs.step(envs.action_space.sample())[4]
         assert (
             set(info) == {name for name in several if not name.startswith("_")}
             and several.keys() == later.keys()
@@ -192,10 +197,12 @@ def test_gymnasiums_converter_to_torch_takes_every_environment(env_id):
 
 
 def test_what_stays_the_same_is_told_on_request():
-    envs, plain = native(PUSH, friction=0.3), synchronous(PUSH, friction=0.3)
+    envs = native(PUSH, friction=0.3)
+    plain = synchronous(PUSH, friction=0.3)
     envs.reset(seed=4)
     plain.reset(seed=4)
-    told, singles = envs.unwrapped.get_params(), plain.call("get_params")
+    told = envs.unwrapped.get_params()
+    singles = plain.call("get_params")
     assert told["object"].tolist() == ["circle", "circle"] and told["friction"].tolist() == [
         0.3,
         0.3,

@@ -12,13 +12,12 @@ from piec_envs.model.task import ARC, ARRIVAL, HORIZON, MOBILE, get_task, mobile
 from piec_envs.model.terms import observation_layout
 from piec_envs.world.robots import get_robot
 
-PUSH, TRACK = "piec_envs/MobileFrankaPush-v0", "piec_envs/MobileFrankaTrack-v0"
+PUSH = "piec_envs/MobileFrankaPush-v0"
+TRACK = "piec_envs/MobileFrankaTrack-v0"
 CAPSULES = {"geometry": "capsules", "escape_field": None}
-Q, POSE, GOAL = (
-    np.array([-0.4, 0.3, 0.5, -1.2, 1.9]),
-    np.array([0.6, 0.5, 0.7]),
-    np.array([-0.3, 0.2]),
-)
+Q = np.array([-0.4, 0.3, 0.5, -1.2, 1.9])
+POSE = np.array([0.6, 0.5, 0.7])
+GOAL = np.array([-0.3, 0.2])
 SHIFT = np.array([0.25, -0.35])
 ROBOT = get_robot("mobile_franka_capsules")
 
@@ -48,7 +47,8 @@ BASE = {*entries("q_r")[:2].tolist(), *entries("q_cmd")[:2].tolist()}
 
 
 def test_moving_everything_changes_the_base_alone():
-    before, after = seen(), seen(moved(Q, SHIFT), moved(POSE, SHIFT), GOAL + SHIFT)
+    before = seen()
+    after = seen(moved(Q, SHIFT), moved(POSE, SHIFT), GOAL + SHIFT)
     assert changed(before, after) == BASE
     for name in ("q_r", "q_cmd"):
         # over the limits
@@ -58,7 +58,8 @@ def test_moving_everything_changes_the_base_alone():
 @pytest.mark.parametrize("env_id", [PUSH, TRACK])
 def test_the_object_is_seen_from_the_base(env_id):
     tracking = env_id == TRACK
-    before, after = seen(env_id=env_id), seen(moved(Q, SHIFT), env_id=env_id)
+    before = seen(env_id=env_id)
+    after = seen(moved(Q, SHIFT), env_id=env_id)
     place = entries("object", tracking=tracking)
     assert changed(before, after) == BASE | set(place[:2].tolist())
     np.testing.assert_allclose(
@@ -107,7 +108,8 @@ def test_a_reference_begins_and_ends_right_at_constant_speed(side):
 
 def test_the_references_are_mirror_images_across_the_straight_line():
     along = (MOBILE.goal - START) / np.hypot(*(MOBILE.goal - START))
-    right, left = SIDES["right"] - START, SIDES["left"] - START
+    right = SIDES["right"] - START
+    left = SIDES["left"] - START
     np.testing.assert_allclose(2 * np.outer(right @ along, along) - right, left, atol=1e-12)
     assert (SIDES["right"] - SIDES["left"])[1:ARRIVAL, 0].min() > 0  # right is towards +x
     bulge = np.hypot(*(SIDES["right"][ARRIVAL // 2] - (START + MOBILE.goal) / 2))

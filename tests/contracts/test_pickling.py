@@ -112,10 +112,8 @@ def test_a_field_is_made_again_from_its_spec(options, carried):
     compiled, size = carried(field)
     assert not compiled and size < 2_000
     rng = np.random.default_rng(0)
-    q, points = (
-        rng.uniform(-0.5, 0.5, (3, get_robot(field.robot_name).dof)),
-        rng.uniform(-0.5, 0.5, (3, 4, 2)),
-    )
+    q = rng.uniform(-0.5, 0.5, (3, get_robot(field.robot_name).dof))
+    points = rng.uniform(-0.5, 0.5, (3, 4, 2))
     made = through_pickle(field)
     assert made is not field and made.spec() == field.spec() and made.threads == field.threads
     assert copy.deepcopy(field) is field and copy.copy(field) is field
@@ -131,14 +129,13 @@ def test_a_field_of_weights_that_are_elsewhere_takes_them_along(tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     weights = make_field("network").weights
     weights.save("mine.npz")
-    from_file, given = (
-        make_field("network", weights="mine.npz"),
-        make_field("network", weights=weights),
-    )
+    from_file = make_field("network", weights="mine.npz")
+    given = make_field("network", weights=weights)
     kept = [pickle.dumps(field) for field in (from_file, given)]
     for file in tmp_path.iterdir():
         file.unlink()
-    points, q = np.full((1, 1, 2), 0.3), np.zeros((1, 4))
+    points = np.full((1, 1, 2), 0.3)
+    q = np.zeros((1, 4))
     for field, copied in zip((from_file, given), map(pickle.loads, kept), strict=True):
         assert (copied.query(points, q) == field.query(points, q)).all()
     assert pickle.loads(kept[0]).spec() == from_file.spec()

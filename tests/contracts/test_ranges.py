@@ -47,10 +47,8 @@ IDS = [f"{name}={value!r}" for name, value, *_ in BAD]
 def every_way(name, value, beside):
     """All ways in which a plant parameter may be given, each as a function without arguments."""
     params = {name: value, **beside}
-    single, several = (
-        gym.make(PUSH, **WITHOUT_FIELD),
-        gym.make_vec(PUSH, num_envs=2, **WITHOUT_FIELD),
-    )
+    single = gym.make(PUSH, **WITHOUT_FIELD)
+    several = gym.make_vec(PUSH, num_envs=2, **WITHOUT_FIELD)
     yield "argument", lambda: gym.make(PUSH, **WITHOUT_FIELD, **params)
     yield (
         "argument of a VectorEnv",
@@ -113,8 +111,11 @@ def straight_reach(robot):
     """Farthest distance of the robot's surface from its first turning joint, of random
     postures, m.
     """
-    rng, far, scene = np.random.default_rng(0), 0.0, pack_scene(robot.name, "circle")
-    distances, radius = np.empty(scene.robot.links), OBJECTS["circle"].bounding_radius
+    rng = np.random.default_rng(0)
+    far = 0.0
+    scene = pack_scene(robot.name, "circle")
+    distances = np.empty(scene.robot.links)
+    radius = OBJECTS["circle"].bounding_radius
     for q in rng.uniform(scene.robot.lower, scene.robot.upper, (300, robot.dof)):
         # so far away that distances tell how far the arm comes towards it
         place = np.array([50.0, 0.0, 0.0])
@@ -163,10 +164,8 @@ def test_goals_of_tasks_lie_in_the_ring_and_others_are_refused(task):
 @pytest.mark.parametrize("env_id", MOTIONS)
 def test_states_beyond_what_is_observed_are_refused(env_id):
     """As fields and as a whole, single and vector; the episode before them stays."""
-    env, envs = (
-        gym.make(env_id, **WITHOUT_FIELD).unwrapped,
-        gym.make_vec(env_id, num_envs=2, **WITHOUT_FIELD),
-    )
+    env = gym.make(env_id, **WITHOUT_FIELD).unwrapped
+    envs = gym.make_vec(env_id, num_envs=2, **WITHOUT_FIELD)
     env.reset(seed=0)
     envs.reset(seed=0)
     far = r"'pose' must lie within 10 m of the origin along x and y, got \[13\.0, 0\.0\]"

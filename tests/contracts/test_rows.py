@@ -71,7 +71,9 @@ def test_vector_row_equals_single_env(env_id, choice):
         for i, env in enumerate(singles):
             if ended[i]:  # the row begins anew in this step
                 one, one_info = env.reset()
-                one_reward, one_terminated, one_truncated = 0.0, False, False
+                one_reward = 0.0
+                one_terminated = False
+                one_truncated = False
             else:
                 one, one_reward, one_terminated, one_truncated, one_info = env.step(actions[i])
             assert same(row_of(observation, i), one) and same(row_of(info, i), one_info), t
@@ -98,12 +100,14 @@ def test_autoreset_equals_sync_vector_env(env_id, mode):
         **choice,
     )
     assert native.metadata["autoreset_mode"] == mode
-    a, b = native.reset(seed=3), plain.reset(seed=3)
+    a = native.reset(seed=3)
+    b = plain.reset(seed=3)
     assert same(a[0], b[0]) and same(a[1], b[1])
     rng = np.random.default_rng(1)
     for _ in range(30):
         actions = rng.uniform(-1, 1, native.action_space.shape)
-        a, b = native.step(actions), plain.step(actions)
+        a = native.step(actions)
+        b = plain.step(actions)
         for x, y in zip(a[:4], b[:4], strict=True):
             np.testing.assert_array_equal(x, y)
         assert a[4].keys() == b[4].keys()
@@ -116,17 +120,16 @@ def test_autoreset_equals_sync_vector_env(env_id, mode):
                 assert same(a[4][key], b[4][key]), key
         ended = a[2] | a[3]
         if mode == AutoresetMode.DISABLED and ended.any():
-            a, b = (
-                native.reset(options={"reset_mask": ended}),
-                plain.reset(options={"reset_mask": ended.copy()}),
-            )
+            a = native.reset(options={"reset_mask": ended})
+            b = plain.reset(options={"reset_mask": ended.copy()})
             assert same(a[0], b[0]) and same(a[1], b[1])
 
 
 @pytest.mark.parametrize(("dynamics", "rows"), [("quasi_dynamic", 256), ("mujoco", 8)])
 def test_async_vector_env_works_after_a_batched_call(dynamics, rows):
     """A forked child must not wait for the threads of its parent."""
-    env_id, choice = "piec_envs/PlanarArmPush-v0", {"dynamics": dynamics}
+    env_id = "piec_envs/PlanarArmPush-v0"
+    choice = {"dynamics": dynamics}
     native = gym.make_vec(env_id, num_envs=rows, **choice)
     native.reset(seed=0)
     native.step(native.action_space.sample())

@@ -14,7 +14,8 @@ from piec_envs.env.makers import PlanarArmCage, PlanarArmPush
 from piec_envs.model.task import HORIZON
 from piec_envs.wrappers import FrictionMismatch
 
-PUSH, CAGE = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"
+PUSH = "piec_envs/PlanarArmPush-v0"
+CAGE = "piec_envs/PlanarArmCage-v0"
 WITHOUT_FIELD = {"escape_field": None}
 COARSE = {"escape_field": {"name": "grid", "resolution": 48, "method": "marching"}}
 
@@ -124,11 +125,9 @@ def test_an_episode_ends_at_its_horizon_or_at_a_limit_before(repeat, limit, acti
     else.
     """
     choice = {"action_repeat": repeat, **({} if limit == "none" else {"max_episode_steps": limit})}
-    env, envs, plain = (
-        gym.make(PUSH, **WITHOUT_FIELD, **choice),
-        native(PUSH, **choice),
-        synchronous(PUSH, **choice),
-    )
+    env = gym.make(PUSH, **WITHOUT_FIELD, **choice)
+    envs = native(PUSH, **choice)
+    plain = synchronous(PUSH, **choice)
     found = [
         length(env, np.zeros(4)),
         length(envs, np.zeros((2, 4))),
@@ -156,7 +155,8 @@ def test_an_environment_made_without_gymnasium_ends_too():
 
 
 def test_a_state_of_a_later_step_leaves_the_steps_to_the_horizon():
-    env, envs = gym.make(PUSH, **WITHOUT_FIELD), native(PUSH)
+    env = gym.make(PUSH, **WITHOUT_FIELD)
+    envs = native(PUSH)
     for each, shape in ((env, (4,)), (envs, (2, 4))):
         each.reset(seed=0, options={"state": {"step": HORIZON - 2}})
         assert not np.any(each.step(np.zeros(shape))[3]) and np.all(each.step(np.zeros(shape))[3])

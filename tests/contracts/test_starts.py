@@ -48,10 +48,8 @@ def test_every_franka_has_its_starts():
 
 @pytest.mark.parametrize(("robot_name", "name"), ROWS)
 def test_starts_are_within_the_limits_and_clear_of_the_object(robot_name, name):
-    q, escape = (
-        start_posture(name, robot_name),
-        make_field("grid", get_robot(robot_name).name, resolution=32),
-    )
+    q = start_posture(name, robot_name)
+    escape = make_field("grid", get_robot(robot_name).name, resolution=32)
     problem = problem_of(robot_name, escape)
     assert (q >= problem.lower).all() and (q <= problem.upper).all()
     phi = problem.constraints(q[None])[0][0]

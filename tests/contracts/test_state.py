@@ -100,12 +100,12 @@ def test_the_last_step_alone_charges_the_distance_to_the_goal_region(env_id):
     not matter.
     """
     choice = {"escape_field": None, "prior": "contact"}
-    env, held = (
-        gym.make(env_id, **choice).unwrapped,
-        gym.make(env_id, action_repeat=4, **choice).unwrapped,
-    )
+    env = gym.make(env_id, **choice).unwrapped
+    held = gym.make(env_id, action_repeat=4, **choice).unwrapped
     env.reset(seed=0)
-    state, weights, (n,) = env.get_state(), env.model.weights, env.action_space.shape
+    state = env.get_state()
+    weights = env.model.weights
+    (n,) = env.action_space.shape
     state.step[:] = env.model.task.horizon - 4
     rollout = env.rollout(state, controls=np.zeros((1, 4, n)))
     env.set_state(state)
@@ -225,6 +225,7 @@ def test_one_row_begins_anew_without_touching_the_others_noise():
     for _ in range(20):
         envs.step(np.zeros((2, 4)))
         other.step(np.zeros((2, 4)))
-    a, b = envs.unwrapped.get_state(), other.unwrapped.get_state()
+    a = envs.unwrapped.get_state()
+    b = other.unwrapped.get_state()
     np.testing.assert_array_equal(a.pose[0], b.pose[0])
     assert (a.pose[1] != b.pose[1]).any()

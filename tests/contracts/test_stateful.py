@@ -28,8 +28,10 @@ from piec_envs.errors import (
     UnknownNameError,
 )
 
-PUSH, CAGE = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmCage-v0"
-ROWS, LIMIT = 2, 6
+PUSH = "piec_envs/PlanarArmPush-v0"
+CAGE = "piec_envs/PlanarArmCage-v0"
+ROWS = 2
+LIMIT = 6
 NOISY = {
     "escape_field": None,
     "object": "square",
@@ -101,7 +103,9 @@ class Calls(RuleBasedStateMachine):
     its steps needs.
     """
 
-    env_id, choice, mode = PUSH, NOISY, AutoresetMode.NEXT_STEP
+    env_id = PUSH
+    choice = NOISY
+    mode = AutoresetMode.NEXT_STEP
 
     @initialize()
     def make(self):
@@ -117,7 +121,9 @@ class Calls(RuleBasedStateMachine):
 
     def begin(self, row, seed=None, options=None):
         """A reset of one single environment."""
-        self.begun[row], self.ended[row], self.count[row] = 1, 0, 0
+        self.begun[row] = 1
+        self.ended[row] = 0
+        self.count[row] = 0
         self.seeded[row] |= seed is not None
         return self.singles[row].reset(seed=seed, options=copy.deepcopy(options))
 
@@ -192,7 +198,8 @@ class Calls(RuleBasedStateMachine):
             return
         self.saved = self.envs.get_state()
         for row, env in enumerate(self.singles):
-            alone, here = env.get_state(), self.saved.take([row])
+            alone = env.get_state()
+            here = self.saved.take([row])
             assert same_states(alone, here)
             assert same(env.get_params(), row_of(self.envs.get_params(), row))
 

@@ -102,7 +102,8 @@ def test_randomize_draws_from_the_seed_and_reports():
         "dynamics": ["mujoco", "quasi_dynamic"],
     }
     envs = gym.make_vec(PUSH, num_envs=40, randomize=drawn, escape_field=None)
-    first, second = drawn_params(envs, 1), drawn_params(envs, 1)
+    first = drawn_params(envs, 1)
+    second = drawn_params(envs, 1)
     np.testing.assert_array_equal(first["friction"], second["friction"])
     assert 0.2 <= first["friction"].min() < 0.3 and 0.7 < first["friction"].max() <= 0.8
     assert set(first["object"]) == {"circle", "square"}

@@ -28,18 +28,21 @@ def moving(rows):
     motion = blank_motion(*(rng.normal(size=(rows, k)) for k in (4, 4, 3)), STEPS, 4)
     for array in (motion.q_r, motion.q_cmd, motion.pose, motion.actions, motion.link_distance):
         array[:] = rng.normal(size=array.shape)
-    motion.contact[:], motion.active[:] = True, 2
+    motion.contact[:] = True
+    motion.active[:] = 2
     return motion
 
 
 @pytest.mark.parametrize("k", [1, 3, STEPS])
 def test_a_row_is_held_from_the_step_before(k):
-    motion, before = moving(3), moving(3)
+    motion = moving(3)
+    before = moving(3)
     failed = np.zeros((3, STEPS + 1), dtype=bool)
     failed[1, k] = True  # what follows was never computed
     motion.hold_diverged(failed)
     for field in ("q_r", "q_cmd", "pose", "link_distance", "contact"):
-        found, true = getattr(motion, field), getattr(before, field)
+        found = getattr(motion, field)
+        true = getattr(before, field)
         np.testing.assert_array_equal(found[1, :k], true[1, :k])
         np.testing.assert_array_equal(
             found[1, k:], np.repeat(true[1, k - 1 : k], STEPS + 1 - k, axis=0)
@@ -52,7 +55,8 @@ def test_a_row_is_held_from_the_step_before(k):
 
 
 def test_a_sound_motion_stays_as_it_is():
-    motion, before = moving(2), moving(2)
+    motion = moving(2)
+    before = moving(2)
     motion.hold_diverged(np.zeros((2, STEPS + 1), dtype=bool))
     for name, value in vars(before).items():
         np.testing.assert_array_equal(getattr(motion, name), value)
@@ -60,7 +64,9 @@ def test_a_sound_motion_stays_as_it_is():
 
 def inside(state):
     """The same state with the object on the arm, which no user's state could begin with."""
-    state.q_r[:], state.q_cmd[:], state.pose[:] = 0.0, 0.0, INSIDE
+    state.q_r[:] = 0.0
+    state.q_cmd[:] = 0.0
+    state.pose[:] = INSIDE
     return state
 
 
@@ -81,7 +87,9 @@ def test_only_the_row_without_solution_is_held(solver):
     envs = gym.make_vec(PUSH, num_envs=3, solver=solver, **PAPER)
     envs.reset(seed=0)
     state = envs.unwrapped.get_state()
-    state.pose[1], state.q_r[1], state.q_cmd[1] = INSIDE, 0.0, 0.0
+    state.pose[1] = INSIDE
+    state.q_r[1] = 0.0
+    state.q_cmd[1] = 0.0
     envs.unwrapped.set_state(state)
     _, reward, _, truncated, info = envs.step(np.ones((3, 4)))
     assert truncated.tolist() == info["diverged"].tolist() == [False, True, False]
@@ -95,7 +103,9 @@ def test_a_rollout_holds_what_has_no_solution(solver):
     env.reset(seed=0)
     good = env.get_state()
     both = inside(good.copy().take([0, 0]))
-    both.pose[1], both.q_r[1], both.q_cmd[1] = good.pose[0], good.q_r[0], good.q_cmd[0]
+    both.pose[1] = good.pose[0]
+    both.q_r[1] = good.q_r[0]
+    both.q_cmd[1] = good.q_cmd[0]
     rollout = env.rollout(both, controls=np.ones((2, 5, 4)))
     assert rollout.motion.diverged[0, 1:].all() and not rollout.motion.diverged[1].any()
     np.testing.assert_array_equal(rollout.motion.pose[0], np.repeat([INSIDE], 6, axis=0))
@@ -108,7 +118,8 @@ def test_a_rollout_holds_what_has_no_solution(solver):
 @pytest.mark.parametrize("model", [None, PAPER_MODEL], ids=["default", "paper"])
 def test_a_jam_no_lead_can_open_moves_nothing_far(model, options):
     """Objects anywhere on and in the arm: what is not held moves as lead and push-out allow."""
-    rng, rows = np.random.default_rng(0), 40
+    rng = np.random.default_rng(0)
+    rows = 40
     q = rng.uniform([-3, -2.5, -2.5, -2.5], [3, 2.5, 2.5, 2.5], (rows, 4))
     pose = rng.uniform([-0.6, -0.6, -3], [0.6, 0.6, 3], (rows, 3))
     dynamics = QuasiDynamics(model=model, **options)
@@ -124,10 +135,8 @@ def test_a_jam_no_lead_can_open_moves_nothing_far(model, options):
 def test_an_object_beyond_its_bound_has_diverged(name):
     pose = np.array([[0.0, POSITION_LIMIT - 0.01, 0.0]])
     w = np.repeat([[[0.0, 0.004]]], 5, axis=1)
-    commands, plant = (
-        Commands(np.zeros((1, 5, 4)), displacement=w),
-        Plant("planar_arm", ["circle"], np.array([0.5])),
-    )
+    commands = Commands(np.zeros((1, 5, 4)), displacement=w)
+    plant = Plant("planar_arm", ["circle"], np.array([0.5]))
     q = np.zeros((1, 4))
     motion = DYNAMICS[name].made(DynamicsOptions()).rollout(q, q, pose, commands, plant)
     assert motion.diverged[0].tolist() == [False] * 3 + [True] * 3
@@ -138,11 +147,11 @@ def test_an_object_beyond_its_bound_has_diverged(name):
 
 def test_an_object_thrown_under_mujoco_has_diverged():
     """The engine simulates it without a warning; nothing in the scene could have done it."""
-    dynamics, q, pose = MujocoDynamics(), np.zeros((1, 4)), np.array([[0.6, 0.4, 0.0]])
-    plant, commands = (
-        Plant("planar_arm", ["circle"], np.array([0.5])),
-        Commands(np.zeros((1, 2, 4))),
-    )
+    dynamics = MujocoDynamics()
+    q = np.zeros((1, 4))
+    pose = np.array([[0.6, 0.4, 0.0]])
+    plant = Plant("planar_arm", ["circle"], np.array([0.5]))
+    commands = Commands(np.zeros((1, 2, 4)))
     memory = dynamics.rollout(q, q, pose, commands, plant).memory
     start = memory[0][1:5][None], q, np.array([[*memory[0][5:7], 0.0]])
     for speed, thrown in ((0.5 * LARGEST_MOVE / 0.1, False), (2 * LARGEST_MOVE / 0.1, True)):

@@ -39,11 +39,13 @@ def roll_of(state) -> np.ndarray:
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_they_start_beside_the_object_and_rest(name):
-    item, pose = get_object(name), np.array([-0.5, 0.6, 0.7])
+    item = get_object(name)
+    pose = np.array([-0.5, 0.6, 0.7])
     env = gym.make(PUSH, object=name, dynamics="mujoco", escape_field=None).unwrapped
     env.reset(seed=0, options={"state": {"pose": pose}})
     x, y, angle = item.loose[0].pose
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c = np.cos(pose[2])
+    s = np.sin(pose[2])
     start = np.array([pose[0] + c * x - s * y, pose[1] + s * x + c * y])
     np.testing.assert_allclose(
         roll_of(env.get_state().memory[0]), [*start, 0.11 - SUNK], atol=1e-12
@@ -57,11 +59,9 @@ def test_they_start_beside_the_object_and_rest(name):
 
 @pytest.mark.parametrize("name", LOOSE)
 def test_the_state_is_the_engines(name):
-    model, item, pose = (
-        mujoco_model("planar_arm", name, 0.5),
-        get_object(name),
-        np.array([-0.5, 0.6, 0.7]),
-    )
+    model = mujoco_model("planar_arm", name, 0.5)
+    item = get_object(name)
+    pose = np.array([-0.5, 0.6, 0.7])
     state = rest_state(item, np.zeros(4), poses_at_start(item, pose))
     assert len(state) == mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     data = mujoco.MjData(model)
@@ -85,7 +85,8 @@ def test_each_pair_has_its_own_friction():
 
 
 def test_the_arm_moves_the_object_through_the_roll():
-    pushed, alone = sweep(BETWEEN), sweep("a4_box")
+    pushed = sweep(BETWEEN)
+    alone = sweep("a4_box")
     assert pushed.link_distance.min() > 0.03 and not pushed.contact.any()  # by the roll alone
     assert np.linalg.norm(roll_of(pushed.memory[0])[:2] - [0.6, ABOVE[0, 1] - 0.161]) > 0.02
     assert pushed.pose[0, -1, 1] - ABOVE[0, 1] > 0.02
@@ -124,9 +125,11 @@ def test_overlaps_of_the_roll_are_relaxed():
     """Of a roll with the arm by 6 mm, which pushes it against the box; the box itself is clear of
     the arm.
     """
-    pose, dynamics = ABOVE - [[0.0, 0.01, 0.0]], MujocoDynamics()
+    pose = ABOVE - [[0.0, 0.01, 0.0]]
+    dynamics = MujocoDynamics()
     (settled,), (memory,) = dynamics.settle(START, pose, plant_of(BETWEEN))
-    roll, angle = roll_of(memory), settled[2]
+    roll = roll_of(memory)
+    angle = settled[2]
     # in the box's frame
     below = np.sin(angle) * (roll[0] - settled[0]) - np.cos(angle) * (roll[1] - settled[1])
     assert roll[1] - 0.05 - 0.05 >= -1.1e-4 and below - 0.05 - 0.11 >= -1.1e-4
@@ -141,8 +144,11 @@ def test_overlaps_of_the_roll_are_relaxed():
 
 
 def test_places_follow_the_memory_that_fits():
-    item, moved = get_object(BETWEEN), sweep(BETWEEN)
-    q, pose, memory = moved.q_r[0, -1], moved.pose[0, -1], moved.memory[0]
+    item = get_object(BETWEEN)
+    moved = sweep(BETWEEN)
+    q = moved.q_r[0, -1]
+    pose = moved.pose[0, -1]
+    memory = moved.memory[0]
     np.testing.assert_array_equal(places_of(item, q, pose, memory), places_in(memory, 4, 2))
     elsewhere = places_of(item, q, pose + 0.1, memory)
     np.testing.assert_allclose(elsewhere[:, :2], poses_at_start(item, pose + 0.1)[:, :2])
@@ -162,7 +168,8 @@ def test_stepping_rollouts_and_restored_states_agree(choice, pose):
     other = gym.make(PUSH, dynamics="mujoco", escape_field=None, **choice).unwrapped
     env.reset(seed=3, options={"state": {"pose": pose}})
     other.reset(seed=8)
-    begin, push = env.get_state(), np.array([0.9, 0.1, 0.1, 0.0])
+    begin = env.get_state()
+    push = np.array([0.9, 0.1, 0.1, 0.0])
     for _ in range(15):
         env.step(push)
     middle = env.get_state()

@@ -1,10 +1,7 @@
-"""What is MuJoCo's alone: the model beside our geometry, friction, displacements, overlaps,
-instability.
-"""
+"""What is MuJoCo's alone: the model beside our geometry, friction, displacements, overlaps."""
 
 from __future__ import annotations
 
-import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
@@ -44,13 +41,14 @@ def test_distances_and_normals_agree_with_mujoco(object_name):
     """1,000 random states: each link's distance, and the direction of the nearest one's closest
     points.
     """
-    rng, model, scene = (
-        np.random.default_rng(0),
-        mujoco_model("planar_arm", object_name, 0.5),
-        pack_scene("planar_arm", object_name),
-    )
-    height, ours, ends = get_object(object_name).height, np.empty(4), np.empty(6)
-    parts, checked = geoms(model, "object"), 0
+    rng = np.random.default_rng(0)
+    model = mujoco_model("planar_arm", object_name, 0.5)
+    scene = pack_scene("planar_arm", object_name)
+    height = get_object(object_name).height
+    ours = np.empty(4)
+    ends = np.empty(6)
+    parts = geoms(model, "object")
+    checked = 0
     for _ in range(1000):
         q = rng.uniform([-3, -2.5, -2.5, -2.5], [3, 2.5, 2.5, 2.5])
         pose = rng.uniform([-0.9, -0.9, -3], [0.9, 0.9, 3])
@@ -73,18 +71,16 @@ def test_the_panda_is_its_meshes(object_name):
     """1,000 random states of the Panda beside an object, where the closest points are level with
     it.
     """
-    model, robot, item = (
-        mujoco_model("franka", object_name, 0.5),
-        get_robot("franka"),
-        get_object(object_name),
-    )
-    rng, scene, ours, ends = (
-        np.random.default_rng(0),
-        pack_scene("franka", object_name),
-        np.empty(9),
-        np.empty(6),
-    )
-    (part,), checked, worst = geoms(model, "object"), 0, 0.0
+    model = mujoco_model("franka", object_name, 0.5)
+    robot = get_robot("franka")
+    item = get_object(object_name)
+    rng = np.random.default_rng(0)
+    scene = pack_scene("franka", object_name)
+    ours = np.empty(9)
+    ends = np.empty(6)
+    (part,) = geoms(model, "object")
+    checked = 0
+    worst = 0.0
     while checked < 1000:
         q = rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"))
         pose = rng.uniform([-0.9, -0.9, -3], [0.9, 0.9, 3])
@@ -98,13 +94,15 @@ def test_the_panda_is_its_meshes(object_name):
             theirs.append((mujoco.mj_geomDistance(model, data, geom, part, 10.0, ends), *ends))
         distance, *ends[:] = min(theirs)
         if 1e-3 < ends[2] < item.height - 1e-3:
-            worst, checked = max(worst, abs(distance - ours[nearest])), checked + 1
+            worst = max(worst, abs(distance - ours[nearest]))
+            checked = checked + 1
     assert worst < 2e-3
 
 
 def outward(scene, q, pose, link) -> np.ndarray:
     """Our unit normal from a link to the object: the slope of its distance as the object moves."""
-    step, slope = 1e-6, []
+    step = 1e-6
+    slope = []
     for axis in np.eye(3)[:2]:
         values = []
         for sign in (1, -1):
@@ -129,19 +127,21 @@ def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
     Where a link lies within six degrees along a mesh's face, MuJoCo makes two contacts with that
     face's normal.
     """
-    model, scene = (
-        mujoco_model("planar_arm", object_name, 0.35),
-        pack_scene("planar_arm", object_name),
-    )
-    height, distances, seen = get_object(object_name).height, np.empty(4), 0
+    model = mujoco_model("planar_arm", object_name, 0.35)
+    scene = pack_scene("planar_arm", object_name)
+    height = get_object(object_name).height
+    distances = np.empty(4)
+    seen = 0
     for angle in np.linspace(-np.pi, np.pi, 24):
-        q, pose = np.zeros(4), np.array([0.6, 0.4, angle])
+        q = np.zeros(4)
+        pose = np.array([0.6, 0.4, angle])
         scene_distances(scene, q, pose, distances)
         pose[1] -= distances.min() + 5e-4
         scene_distances(scene, q, pose, distances)
         data = placed(model, q, pose, height)
         mujoco.mj_forward(model, data)
-        depths, tilts = [], []
+        depths = []
+        tilts = []
         for contact in data.contact:
             names = [model.geom(g).name for g in contact.geom]
             if "table" in names:
@@ -158,7 +158,8 @@ def test_contacts_have_our_depth_normal_and_the_scenes_friction(object_name):
 
 def test_model_is_the_scene():
     model = mujoco_model("planar_arm", "square", 0.5)
-    robot, item = get_robot("planar_arm"), get_object("square")
+    robot = get_robot("planar_arm")
+    item = get_object("square")
     assert [model.joint(j).name for j in range(4)] == [joint.name for joint in robot.joints]
     np.testing.assert_allclose(model.actuator_gainprm[:, 0], robot.joint_array("stiffness"))
     np.testing.assert_allclose(model.actuator_forcerange[:, 1], robot.joint_array("effort"))
@@ -172,16 +173,16 @@ def test_random_actions_hold_the_penetration(random_motion, sigma, rows):
     """Random actions held for 50 to 200 steps: 10,000 control steps without displacements, and some
     with them.
     """
-    steps, contact, depth = 0, 0, 0.0
+    steps = 0
+    contact = 0
+    depth = 0.0
     for seed, object_name in enumerate(RIGID):
         motion = random_motion(
             object_name, rows=rows, steps=120, seed=seed, sigma=sigma, dynamics=MujocoDynamics()
         )
         assert not motion.diverged.any()
-        steps, contact = (
-            steps + motion.actions[..., 0].size,
-            contact + motion.contact[:, 1:].any(axis=2).sum(),
-        )
+        steps = steps + motion.actions[..., 0].size
+        contact = contact + motion.contact[:, 1:].any(axis=2).sum()
         depth = max(depth, float(-motion.link_distance.min()))
     print(
         f"\n{steps} control steps, in contact {contact / steps:.1%}, penetration at most "
@@ -194,7 +195,8 @@ def test_a_displacement_is_cut_at_the_first_contact():
     rows = 16
     angle = np.linspace(0, 2 * np.pi, rows, endpoint=False)
     w = 0.02 * np.column_stack([np.cos(angle), np.sin(angle)])[:, None]  # (rows, 1, 2)
-    q, pose = np.zeros((rows, 4)), np.tile([0.6, 0.05 + 0.075 + 0.005, 0.0], (rows, 1))
+    q = np.zeros((rows, 4))
+    pose = np.tile([0.6, 0.05 + 0.075 + 0.005, 0.0], (rows, 1))
     commands = Commands(np.zeros((rows, 1, 4)), displacement=w)
     motion = MujocoDynamics().rollout(q, q, pose, commands, plant_of("circle", rows))
     moved = motion.pose[:, 1, :2] - pose[:, :2]
@@ -215,7 +217,8 @@ def test_an_overlap_is_relaxed_before_the_clock_starts(object_name):
         for shape in get_object(object_name).shapes
     )
     reach = 0.05 + below - 0.01
-    q, pose = np.zeros((2, 4)), np.array([[0.6, reach, 0.0], [0.6, 0.5, 0.0]])
+    q = np.zeros((2, 4))
+    pose = np.array([[0.6, reach, 0.0], [0.6, 0.5, 0.0]])
     plant = plant_of(object_name, 2)
     dynamics = MujocoDynamics()
     settled, memory = dynamics.settle(q, pose, plant)
@@ -231,69 +234,12 @@ def test_an_overlap_is_relaxed_before_the_clock_starts(object_name):
     assert np.abs(calm.pose[:, -1] - settled)[:, :2].max() < 2e-3  # it was not thrown
 
 
-def unstable(state):
-    """The same state with a velocity that the engine warns of."""
-    state.memory[0] = state.memory[0].copy()
-    state.memory[0][-1] = 1e12
-    return state
-
-
-@pytest.fixture
-def away(tmp_path, monkeypatch):
-    """MuJoCo leaves a log of its warnings in the working folder."""
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.mark.usefixtures("away")
-def test_an_instability_ends_the_row():
-    env = gym.make(PUSH, dynamics="mujoco", escape_field=None)
-    env.reset(seed=0)
-    _, _, _, truncated, info = env.step(np.ones(4))
-    assert not truncated and not info["diverged"]
-    before = env.unwrapped.get_state()
-    env.unwrapped.set_state(unstable(before.copy()))
-    observation, reward, terminated, truncated, info = env.step(np.ones(4))
-    assert truncated and not terminated and info["diverged"] and not info["is_success"]
-    assert observation in env.observation_space and np.isfinite(reward)
-    # its last good state
-    np.testing.assert_array_equal(env.unwrapped.get_state().pose, before.pose)
-    assert env.step(np.ones(4))[4]["diverged"]  # it rests until reset
-    assert not env.reset(seed=0)[1]["diverged"]
-    assert not env.step(np.ones(4))[3]
-
-
-@pytest.mark.usefixtures("away")
-def test_only_the_unstable_row_ends_and_begins_anew():
-    envs = gym.make_vec(PUSH, num_envs=2, dynamics="mujoco", escape_field=None)
-    envs.reset(seed=0)
-    envs.step(np.ones((2, 4)))
-    envs.unwrapped.set_state(unstable(envs.unwrapped.get_state()))
-    *_, truncated, info = envs.step(np.ones((2, 4)))
-    assert truncated.tolist() == [True, False] == info["diverged"].tolist()
-    *_, truncated, info = envs.step(np.ones((2, 4)))
-    assert not truncated.any() and not info["diverged"].any()
-    assert envs.unwrapped.get_state().step.tolist() == [0, 3]
-
-
-@pytest.mark.usefixtures("away")
-def test_a_rollout_holds_what_diverged():
-    env = gym.make(PUSH, dynamics="mujoco", escape_field=None).unwrapped
-    env.reset(seed=0)
-    env.step(np.ones(4))
-    bad = unstable(env.get_state())
-    rollout = env.rollout(bad, controls=np.ones((2, 5, 4)))
-    assert rollout.motion.diverged[:, 1:].all() and not rollout.motion.diverged[:, 0].any()
-    assert rollout.final.diverged.all()
-    np.testing.assert_array_equal(
-        rollout.motion.pose, np.repeat(bad.pose[None], 6, axis=1).repeat(2, axis=0)
-    )
-    assert np.isfinite(rollout.measures).all()
-
-
 def test_memory_that_does_not_fit_begins_at_rest():
     """A user may move the object of a saved state; its old velocity would belong elsewhere."""
-    dynamics, commands = MujocoDynamics(), Commands(np.zeros((1, 5, 4)))
-    q, pose = np.zeros((1, 4)), np.array([[0.6, 0.4, 0.2]])
+    dynamics = MujocoDynamics()
+    commands = Commands(np.zeros((1, 5, 4)))
+    q = np.zeros((1, 4))
+    pose = np.array([[0.6, 0.4, 0.2]])
     fresh = dynamics.rollout(q, q, pose, commands, plant_of("circle"))
     for memory in (np.zeros(3), fresh.memory[0] + 0.01):
         again = dynamics.rollout(q, q, pose, commands, plant_of("circle"), [memory])

@@ -64,7 +64,9 @@ def test_a_changed_copy_is_the_compiled_model(robot, object_name, mass):
 @pytest.mark.parametrize("mass", [1.0, 2.5])
 def test_a_changed_copy_moves_as_the_compiled_model(mass):
     """The arm sweeps a pack aside, the contacts having the friction asked for."""
-    item, ends, seen = get_object("paper_pack"), [], 0
+    item = get_object("paper_pack")
+    ends = []
+    seen = 0
     heavy = dataclasses.replace(item, mass=mass * item.mass)
     fresh = build_spec(get_robot("planar_arm"), heavy, friction=0.35).compile()
     for model in (fresh, mujoco_model("planar_arm", "paper_pack", 0.35, mass)):
@@ -83,10 +85,8 @@ def test_a_changed_copy_moves_as_the_compiled_model(mass):
 
 
 def test_variants_do_not_touch_each_other():
-    light, heavy = (
-        mujoco_model("planar_arm", "square", 0.2, 0.5),
-        mujoco_model("planar_arm", "square", 0.7, 2.0),
-    )
+    light = mujoco_model("planar_arm", "square", 0.2, 0.5)
+    heavy = mujoco_model("planar_arm", "square", 0.7, 2.0)
     for model, friction, mass in ((light, 0.2, 0.5), (heavy, 0.7, 2.0)):
         pairs = {model.pair(k).name: model.pair_friction[k, 0] for k in range(model.npair)}
         assert (
@@ -98,7 +98,8 @@ def test_variants_do_not_touch_each_other():
 
 def sweep(mass, x, speed, steps):
     """The arm's side pushes a square ahead that stands at x, for each mass as a factor."""
-    rows, q = len(mass), np.zeros((len(mass), 4))
+    rows = len(mass)
+    q = np.zeros((len(mass), 4))
     pose = np.tile([x, 0.05 + 0.075 + 1e-3, 0.0], (rows, 1))
     actions = np.zeros((rows, steps, 4))
     actions[:, :, 0] = speed
@@ -125,7 +126,8 @@ def test_a_heavier_object_is_moved_less_far_and_one_too_heavy_stays():
 
 
 def test_rows_without_mass_and_delay_are_nominal():
-    q, commands = np.zeros((1, 4)), Commands(FREE)
+    q = np.zeros((1, 4))
+    commands = Commands(FREE)
     plain = MujocoDynamics().rollout(
         q, q, AWAY, commands, Plant("planar_arm", ["circle"], np.array([0.5]))
     )
@@ -167,12 +169,11 @@ def test_a_delay_of_a_step_shifts_the_motion_by_a_step():
 
 
 def test_rows_keep_their_mass_and_delay_beside_other_dynamics():
-    mass, delay, names = (
-        np.array([1.0, 3.0, 3.0]),
-        np.array([0.0, 0.1, 0.0]),
-        ["quasi_dynamic", "mujoco", "mujoco"],
-    )
-    q, pose = np.zeros((3, 4)), np.tile([0.5, 0.126, 0.0], (3, 1))
+    mass = np.array([1.0, 3.0, 3.0])
+    delay = np.array([0.0, 0.1, 0.0])
+    names = ["quasi_dynamic", "mujoco", "mujoco"]
+    q = np.zeros((3, 4))
+    pose = np.tile([0.5, 0.126, 0.0], (3, 1))
     commands = Commands(np.repeat(FREE, 3, axis=0))
     mixed = DynamicsByRow().rollout(
         q,
@@ -195,11 +196,9 @@ def test_rows_keep_their_mass_and_delay_beside_other_dynamics():
 
 
 def test_the_quasi_dynamic_model_knows_no_mass_and_refuses_a_delay():
-    q, pose, commands = (
-        np.zeros((2, 4)),
-        np.tile([0.6, 0.2, 0.0], (2, 1)),
-        Commands(np.repeat(FREE, 2, axis=0)),
-    )
+    q = np.zeros((2, 4))
+    pose = np.tile([0.6, 0.2, 0.0], (2, 1))
+    commands = Commands(np.repeat(FREE, 2, axis=0))
     motion = QuasiDynamics().rollout(q, q, pose, commands, plant_of(mass=[1.0, 3.0]))
     np.testing.assert_array_equal(motion.pose[0], motion.pose[1])
     for plant, message in (
@@ -212,6 +211,7 @@ def test_the_quasi_dynamic_model_knows_no_mass_and_refuses_a_delay():
 
 @pytest.mark.parametrize("name", ["mass", "delay"])
 def test_arrays_of_another_length_are_refused(name):
-    q, plant = np.zeros((1, 4)), dataclasses.replace(plant_of(), **{name: np.ones(2)})
+    q = np.zeros((1, 4))
+    plant = dataclasses.replace(plant_of(), **{name: np.ones(2)})
     with pytest.raises(InvalidStateError, match=name):
         MujocoDynamics().rollout(q, q, AWAY, Commands(FREE), plant)

@@ -41,16 +41,19 @@ def solve_fast(problem: ContactProblem, guess: bool = True) -> ContactSolution:
 def test_fast_equals_osqp(object_name, random_motion):
     """2,000 states of each object, at least 400 of them with three or more active multipliers."""
     motion = random_motion(object_name, seed=1)
-    scene, model = pack_scene("planar_arm", object_name), ContactModel()
+    scene = pack_scene("planar_arm", object_name)
+    model = ContactModel()
     active = motion.active[:, 1:]
     draw = np.random.default_rng(0).permutation
-    many, few = draw(np.argwhere(active >= 3)), draw(np.argwhere(active < 3))
+    many = draw(np.argwhere(active >= 3))
+    few = draw(np.argwhere(active < 3))
     picked = np.concatenate([many[:400], few[:1600]])
     assert len(picked) == 2000
     for i, t in picked:
         state = motion.q_r[i, t], motion.q_cmd[i, t + 1], motion.pose[i, t]
         problem = assemble_problem(scene, model, 0.5, *state, np.zeros(2))
-        fast, reference = solve_fast(problem), solve_osqp(problem)
+        fast = solve_fast(problem)
+        reference = solve_osqp(problem)
         np.testing.assert_allclose(solve_fast(problem, guess=False).step, fast.step, atol=1e-12)
         np.testing.assert_allclose(fast.step, reference.step, atol=1e-9)
         assert problem.residual(fast) < 1e-12
@@ -63,7 +66,8 @@ def test_fast_equals_osqp(object_name, random_motion):
 @settings(max_examples=60)
 @given(data=st.data())
 def test_fast_satisfies_kkt_on_any_problem(data):
-    d, m = 7, data.draw(st.integers(1, 16))
+    d = 7
+    m = data.draw(st.integers(1, 16))
     entries = st.floats(-1, 1).map(lambda v: round(v, 3))
     rows = data.draw(hnp.arrays(float, (m, d), elements=entries))
     gap = data.draw(
@@ -111,7 +115,8 @@ def test_motion_keeps_its_laws(object_name, sigma, random_motion):
 
 
 def test_free_joint_follows_the_command_exactly():
-    q, pose = np.zeros((1, 4)), np.array([[5.0, 5.0, 0.0]])
+    q = np.zeros((1, 4))
+    pose = np.array([[5.0, 5.0, 0.0]])
     plant = Plant("planar_arm", ["circle"], np.array([0.5]))
     motion = QuasiDynamics().rollout(q, q, pose, Commands(np.ones((1, 400, 4))), plant)
     expected = np.zeros(4)
@@ -139,7 +144,8 @@ def test_rows_do_not_depend_on_batch_or_threads(random_motion):
 def test_rows_of_other_objects_frictions_and_inertias_equal_separate_rows(random_motion):
     motion = random_motion("octagon", rows=8, steps=150, seed=4)
     rows = len(motion.pose)
-    names, friction = (["circle", "octagon"] * rows)[:rows], np.linspace(0.0, 1.0, rows)
+    names = (["circle", "octagon"] * rows)[:rows]
+    friction = np.linspace(0.0, 1.0, rows)
     inertia = (["own", "own", "paper"] * rows)[:rows]
     start = motion.q_r[:, 0], motion.q_cmd[:, 0], motion.pose[:, 0]
     plant = Plant("planar_arm", names, friction, inertia=inertia)
@@ -152,7 +158,9 @@ def test_rows_of_other_objects_frictions_and_inertias_equal_separate_rows(random
 
 
 def test_push_out_limits_how_fast_an_overlap_is_resolved():
-    q, pose = np.zeros((1, 4)), np.array([[0.6, 0.09, 0.0]])  # 35 mm inside the second link
+    # 35 mm inside the second link
+    q = np.zeros((1, 4))
+    pose = np.array([[0.6, 0.09, 0.0]])
     plant = Plant("planar_arm", ["circle"], np.array([0.5]))
     motion = QuasiDynamics().rollout(q, q, pose, Commands(np.zeros((1, 10, 4))), plant)
     steps = np.diff(motion.link_distance.min(axis=2)[0])
@@ -178,11 +186,9 @@ def test_paper_preset_winds_up_and_default_does_not():
 
 
 def test_arrays_that_do_not_fit_are_refused():
-    q, pose, plant = (
-        np.zeros((3, 4)),
-        np.zeros((3, 3)),
-        Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5)),
-    )
+    q = np.zeros((3, 4))
+    pose = np.zeros((3, 3))
+    plant = Plant("planar_arm", ["circle"] * 3, np.full(3, 0.5))
     good = Commands(np.zeros((3, 5, 4)))
     for arrays in (
         (q[:2], q, pose, good, plant),
@@ -207,11 +213,9 @@ def test_with_its_own_inertia_an_object_turns_with_the_face_that_pushes_it():
     """A link pushes the long side of a box: under MuJoCo the two stay face to face, with the
     paper's entry not.
     """
-    q, pose, commands = (
-        np.zeros((1, 4)),
-        np.array([[1.1, 0.17, 0.0]]),
-        Commands(np.tile([1.0, 0, 0, 0], (1, 100, 1))),
-    )
+    q = np.zeros((1, 4))
+    pose = np.array([[1.1, 0.17, 0.0]])
+    commands = Commands(np.tile([1.0, 0, 0, 0], (1, 100, 1)))
     behind = {}
     for name, dynamics, inertia in (
         ("mujoco", MujocoDynamics(), "paper"),

@@ -13,14 +13,17 @@ from piec_envs.dynamics.mujoco_ import MujocoDynamics
 from piec_envs.dynamics.protocol import Commands, Plant
 from piec_envs.world.objects import OBJECTS, get_object
 
-STEPS, EPISODE = 250, 1000  # what creeps does so evenly
+# what creeps does so evenly
+STEPS = 250
+EPISODE = 1000
 POSE = np.array([-0.5, 0.6, 0.7])
 
 
 def test_no_object_turns_or_moves_by_itself():
     """At most 0.1 mrad and 10 um in an episode."""
     rows = len(OBJECTS)
-    q, pose = np.zeros((rows, 4)), np.tile(POSE, (rows, 1))
+    q = np.zeros((rows, 4))
+    pose = np.tile(POSE, (rows, 1))
     plant = Plant("planar_arm", list(OBJECTS), np.full(rows, 0.5))
     motion = MujocoDynamics().rollout(q, q, pose, Commands(np.zeros((rows, STEPS, 4))), plant)
     moved = np.abs(motion.pose - POSE).max(axis=1) * EPISODE / STEPS  # (rows, 3)
@@ -33,7 +36,8 @@ def test_no_object_turns_or_moves_by_itself():
 @pytest.mark.parametrize("name", OBJECTS)
 def test_an_object_begins_in_contact_with_the_table(name):
     """By as much as it will rest, and on points around its middle, whatever its angle."""
-    item, model = get_object(name), mujoco_model("planar_arm", name, 0.5)
+    item = get_object(name)
+    model = mujoco_model("planar_arm", name, 0.5)
     for angle in (0.0, 0.7, -2.0):
         data = mujoco.MjData(model)
         state = rest_state(item, np.zeros(4), poses_at_start(item, np.array([*POSE[:2], angle])))

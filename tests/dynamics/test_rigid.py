@@ -63,18 +63,21 @@ def least_violation(problem: ContactProblem) -> float:
 
 def pinched(robot_name: str, rows: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Arms that have closed on a box, with three multipliers or more: q_r and poses."""
-    rng, robot = np.random.default_rng(seed), get_robot(robot_name)
-    base, n, tries = robot.base_dof, robot.dof, 400 * rows
-    lower, upper = robot.joint_array("lower").copy(), robot.joint_array("upper").copy()
-    lower[:base], upper[:base] = -0.3, 0.3
+    rng = np.random.default_rng(seed)
+    robot = get_robot(robot_name)
+    base = robot.base_dof
+    n = robot.dof
+    tries = 400 * rows
+    lower = robot.joint_array("lower").copy()
+    upper = robot.joint_array("upper").copy()
+    lower[:base] = -0.3
+    upper[:base] = 0.3
     q = rng.uniform(lower, upper, (tries, n))
     pose = np.column_stack([rng.uniform(-0.6, 0.6, (tries, 2)), rng.uniform(-3, 3, tries)])
     pose[:, :base] += q[:, :base]
     dynamics = QuasiDynamics()
-    still, plant = (
-        Commands(np.zeros((tries, 0, n))),
-        Plant(robot_name, ["box_212"] * tries, np.full(tries, 0.5)),
-    )
+    still = Commands(np.zeros((tries, 0, n)))
+    plant = Plant(robot_name, ["box_212"] * tries, np.full(tries, 0.5))
     nearest = np.sort(dynamics.rollout(q, q, pose, still, plant).link_distance[:, 0], axis=1)
     kept = np.flatnonzero((nearest[:, 0] > 0) & (nearest[:, 1] < 0.12))[: 40 * rows]
     closing = np.repeat(rng.choice([-1.0, 1.0], (len(kept), 1, n)), 300, axis=1)
@@ -108,15 +111,19 @@ def compare_with_osqp(robot_name: str, rows: int, commands: int) -> int:
     """Rigid steps of both solvers from pinched states, the command up to 1 rad ahead; returns how
     many it compared.
     """
-    (q, pose), robot = pinched(robot_name, rows, seed=0), get_robot(robot_name)
-    rng, scene, compared = np.random.default_rng(1), pack_scene(robot_name, "box_212"), 0
+    (q, pose) = pinched(robot_name, rows, seed=0)
+    robot = get_robot(robot_name)
+    rng = np.random.default_rng(1)
+    scene = pack_scene(robot_name, "box_212")
+    compared = 0
     limits = robot.joint_array("lower"), robot.joint_array("upper")
     for i, _ in np.ndindex(len(q), commands):
         lead = rng.choice([0.005, 0.05, 1.0]) * rng.uniform(-1, 1, robot.dof)
         problem = assemble_problem(
             scene, PAPER_MODEL, 0.5, q[i], np.clip(q[i] + lead, *limits), pose[i], np.zeros(2)
         )
-        fast, reference = solve_fast(problem), solve_osqp(problem)
+        fast = solve_fast(problem)
+        reference = solve_osqp(problem)
         if not fast.solved:
             assert not reference.solved and least_violation(problem) > 1e-9
         else:
@@ -144,7 +151,8 @@ def test_rigid_answers_are_right_or_there_is_none(data):
     """Rows of few values, repeated and mixed, so that most depend on others; the oracle is linear
     programming.
     """
-    d, m = 7, data.draw(st.integers(1, 6))
+    d = 7
+    m = data.draw(st.integers(1, 6))
     rows = data.draw(
         hnp.arrays(float, (m, d), elements=st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0]))
     )
@@ -170,7 +178,8 @@ def test_rigid_answers_are_right_or_there_is_none(data):
 def rigid_motion(robot_name: str, rows: int, steps: int):
     """Random actions, held for 50 steps, from pinched states under the paper's model."""
     q, pose = pinched(robot_name, rows, seed=2)
-    rng, n = np.random.default_rng(3), q.shape[1]
+    rng = np.random.default_rng(3)
+    n = q.shape[1]
     actions = np.repeat(rng.uniform(-1, 1, (len(q), steps // 50, n)), 50, axis=1)
     plant = Plant(robot_name, ["box_212"] * len(q), np.full(len(q), 0.5))
     return QuasiDynamics(model=PAPER_MODEL).rollout(q, q, pose, Commands(actions), plant)
@@ -185,10 +194,8 @@ def check_steps(motion, robot) -> int:
     """
     step = np.abs(np.diff(motion.q_r, axis=1))  # (B, N, n)
     lead = motion.q_cmd[:, 1:] - motion.q_r[:, :-1]
-    stiffness, limit = (
-        robot.joint_array("stiffness"),
-        CONTROL_PERIOD * robot.joint_array("speed_limit"),
-    )
+    stiffness = robot.joint_array("stiffness")
+    limit = CONTROL_PERIOD * robot.joint_array("speed_limit")
     lengths = [np.sqrt((stiffness * each**2).sum(axis=2)) for each in (step, lead)]
     apart = motion.link_distance[:, :-1].min(axis=2) >= 0
     assert (lengths[0] <= lengths[1] * (1 + 1e-6) + 1e-12)[apart].all()

@@ -17,7 +17,9 @@ ROBOT = get_robot("planar_arm")
 
 def stress(random_motion, steps: int, sigma: float) -> dict[str, float]:
     """Worst figures over at least `steps` steps, all objects in turn."""
-    names, done, seed = [name for name, item in OBJECTS.items() if not item.loose], 0, 0
+    names = [name for name, item in OBJECTS.items() if not item.loose]
+    done = 0
+    seed = 0
     figures = {"penetration": 0.0, "joint step": 0.0, "contact": 0.0, "three": 0.0}
     while done < steps:
         motion = random_motion(names[seed % len(names)], rows=60, steps=200, seed=seed, sigma=sigma)
@@ -31,7 +33,8 @@ def stress(random_motion, steps: int, sigma: float) -> dict[str, float]:
         figures["joint step"] = max(figures["joint step"], largest_step(motion, lawful=sigma == 0))
         figures["contact"] += float((active > 0).sum())
         figures["three"] += float((active >= 3).sum())
-        done, seed = done + active.size, seed + 1
+        done = done + active.size
+        seed = seed + 1
     figures["contact"] /= done
     figures["three"] /= done
     figures["steps"] = done
@@ -48,8 +51,11 @@ def largest_step(motion, lawful: bool) -> float:
     so that the step is no longer, weighted by the stiffness, than the lead.
     """
     limits = [ROBOT.joint_array(name) for name in ("lower", "upper")]
-    stiffness, most = ROBOT.joint_array("stiffness"), ROBOT.joint_array("max_lead")
-    before, step = motion.q_r[:, :-1], np.diff(motion.q_r, axis=1)  # (B, N, n)
+    stiffness = ROBOT.joint_array("stiffness")
+    most = ROBOT.joint_array("max_lead")
+    # (B, N, n)
+    before = motion.q_r[:, :-1]
+    step = np.diff(motion.q_r, axis=1)
     lead = motion.q_cmd[:, 1:] - before
     far = np.abs(lead) > most + 1e-12
     assert ((before < limits[0]) | (before > limits[1]))[far].all()

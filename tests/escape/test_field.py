@@ -42,7 +42,8 @@ def posture(field, bend):
 
 def test_a_field_is_remade_from_its_spec(field):
     again = make_field(**json.loads(json.dumps(field.spec())))
-    points, q = np.array([[0.4, 0.3], [-0.5, 0.8]]), posture(field, 0.9)
+    points = np.array([[0.4, 0.3], [-0.5, 0.8]])
+    q = posture(field, 0.9)
     assert again.spec() == field.spec() and again.name == field.name in FIELDS
     assert (again.query(points, q) == field.query(points, q)).all()
 
@@ -50,7 +51,8 @@ def test_a_field_is_remade_from_its_spec(field):
 # the straight arm reaches the circle
 @pytest.mark.parametrize("bend", [0.9, 0.0], ids=["curled", "straight"])
 def test_a_point_on_or_outside_the_disc_has_escaped(field, bend):
-    q, radius = posture(field, bend), get_robot(field.robot_name).workspace_radius
+    q = posture(field, bend)
+    radius = get_robot(field.robot_name).workspace_radius
     angle = np.linspace(0, 2 * np.pi, 12)
     ring = np.column_stack([np.cos(angle), np.sin(angle)])
     points = np.concatenate([radius * (1 + 1e-12) * ring, 1.03 * radius * ring, 100 * ring])
@@ -104,7 +106,8 @@ def test_key_points_are_those_of_the_rigid_motion_in_every_batch_size(pose):
 
 
 def test_object_time_is_the_mean_or_the_larger_maximum_of_its_key_points():
-    field, key_points = make_field("grid"), OBJECTS["three_discs"].key_points
+    field = make_field("grid")
+    key_points = OBJECTS["three_discs"].key_points
     pose = np.array([[0.3, 0.5, 0.2], [-0.4, 0.4, 1.0]])
     q = np.stack([Q, -Q])
     times = field.query(key_points_world(key_points, pose), q)  # (2, 3)

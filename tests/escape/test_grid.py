@@ -9,7 +9,8 @@ from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNa
 from piec_envs.escape import GridField, SpeedModel
 from piec_envs.escape.samples import draw_configurations, draw_points, robot_distance
 
-R, U_BAR = 1.4, 0.05
+R = 1.4
+U_BAR = 0.05
 CAGE_Q = np.array([-0.5, 1.75, 1.6, 1.6])  # the arm closes a ring around CAGE_POINT
 CAGE_POINT = np.array([0.27, 0.08])
 HARD = SpeedModel(leak=0.0)
@@ -67,7 +68,8 @@ def test_a_closed_cage_is_inf_with_a_hard_wall_and_the_largest_value_with_a_leak
     T_p, dT_dp, dT_dq = hard.gradients(CAGE_POINT[None], CAGE_Q)
     assert T_p[0] == np.inf
     assert (dT_dp == 0).all() and (dT_dq == 0).all()
-    drawn, enclosed = leaky.solve(CAGE_Q), leaky.query(CAGE_POINT[None], CAGE_Q)[0]
+    drawn = leaky.solve(CAGE_Q)
+    enclosed = leaky.query(CAGE_POINT[None], CAGE_Q)[0]
     reachable = np.isfinite(hard.solve(CAGE_Q).T)
     assert drawn.T[reachable].max() < enclosed < np.inf
     assert hard.escape_path(CAGE_POINT, CAGE_Q).shape == (1, 2)
@@ -82,10 +84,8 @@ def test_points_in_a_hard_wall_are_inf_and_in_a_leaky_one_slow(field):
 
 def test_the_wall_of_the_leaky_field_leaves_reachable_points_alone():
     points, q = sample("curled", 20, 100)
-    T, hard = (
-        GridField(method="marching").query(points, q),
-        GridField(method="marching", speed=HARD).query(points, q),
-    )
+    T = GridField(method="marching").query(points, q)
+    hard = GridField(method="marching", speed=HARD).query(points, q)
     reachable = np.isfinite(hard)
     assert (np.abs(T - hard)[reachable] <= 0.01 * hard[reachable]).all()
 
@@ -107,11 +107,13 @@ def test_rows_equal_single_queries_bit_for_bit_with_any_number_of_threads(field)
 @given(configurations, st.floats(-3, 3))
 def test_turning_arm_and_point_together_changes_nothing_but_grid_error(q, turn):
     points = draw_points("planar_arm", "uniform", q[None], 30, np.random.default_rng(0))[0]
-    c, s = np.cos(turn), np.sin(turn)
+    c = np.cos(turn)
+    s = np.sin(turn)
     turned = q + np.array([turn, 0, 0, 0])
     rotated = points @ np.array([[c, s], [-s, c]])
     field = GridField(method="marching", resolution=100)
-    a, b = field.query(points, q), field.query(rotated, turned)
+    a = field.query(points, q)
+    b = field.query(rotated, turned)
     assert np.median(np.abs(a - b) / a) < 0.01
 
 
@@ -186,7 +188,8 @@ def test_configuration_gradient_against_central_differences():
         / 2e-3
     )
     felt = reachable & (np.linalg.norm(difference, axis=-1) > 0.5)
-    a, b = dT_dq[felt], difference[felt]
+    a = dT_dq[felt]
+    b = difference[felt]
     cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
     assert np.median(cosine) > 0.99
     assert np.median(np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)) == pytest.approx(
@@ -198,7 +201,8 @@ def test_configuration_gradient_against_central_differences():
     ("method", "resolution"), [("sweeping", 64), ("marching", 64), ("sweeping", 200)]
 )
 def test_pressing_a_disc_on_one_link_is_no_cage(method, resolution):
-    field, ratios = GridField(method=method, resolution=resolution), []
+    field = GridField(method=method, resolution=resolution)
+    ratios = []
     for q in np.random.default_rng(0).uniform(-np.pi, np.pi, 40)[:, None] * [1, 0, 0, 0]:
         along = np.array([np.cos(q[0]), np.sin(q[0])])
         normal = np.array([-along[1], along[0]])

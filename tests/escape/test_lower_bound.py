@@ -29,9 +29,14 @@ from piec_envs.world.robots import get_robot
 
 ROBOT = "planar_arm"
 RADIUS = get_robot(ROBOT).workspace_radius
-H, HEADINGS, STEPS = 0.065, 24, 6  # m; headings in a full turn; parts of an edge
+# m; headings in a full turn; parts of an edge
+H = 0.065
+HEADINGS = 24
+STEPS = 6
 FIELD = GridField(ROBOT, 200, "marching")
-RELATIVE, ABSOLUTE = 0.005, 0.1 * 2 * RADIUS / 195 / FIELD.u_bar  # of the field's error; 0.03 s
+# of the field's error; 0.03 s
+RELATIVE = 0.005
+ABSOLUTE = 0.1 * 2 * RADIUS / 195 / FIELD.u_bar
 HARD = GridField(ROBOT, 200, "marching", SpeedModel(leak=0.0))
 
 # Turned by a whole share of a full turn the key points are the same set: fewer headings are enough.
@@ -59,7 +64,8 @@ class Poses(NamedTuple):
 def pose_grid(key_points: np.ndarray, symmetry: int) -> Poses:
     reach = np.hypot(*key_points.T).max()
     count = int(np.ceil((RADIUS + reach) / H)) + 2
-    axis, turn = H * np.arange(-count, count + 1), 2 * np.pi / HEADINGS
+    axis = H * np.arange(-count, count + 1)
+    turn = 2 * np.pi / HEADINGS
     grid = np.meshgrid(axis, axis, turn * np.arange(HEADINGS // symmetry), indexing="ij")
     poses = np.stack(grid, -1)
     return Poses(poses, np.arange(poses[..., 0].size).reshape(poses.shape[:3]), turn)
@@ -95,7 +101,8 @@ def edge_times(points: np.ndarray, q: np.ndarray) -> np.ndarray:
     time = (length * np.maximum(slow[:, 1:], slow[:, :-1])).max(axis=-1)  # (E, STEPS)
     # (E, STEPS + 1), of the last one in
     depth = RADIUS - np.hypot(points[..., 0], points[..., 1]).min(axis=-1)
-    before, after = depth[:, :-1], depth[:, 1:]
+    before = depth[:, :-1]
+    after = depth[:, 1:]
     inside = np.maximum(before, 0) + np.maximum(after, 0)
     share = np.where(
         (before > 0) & (after > 0), 1.0, inside / np.maximum(np.abs(after - before), 1e-12)
@@ -114,14 +121,18 @@ def rigid_times(
     points = key_points_world(key_points, poses)
     out = (np.hypot(points[..., 0], points[..., 1]) >= RADIUS).all(axis=1)
     beside = np.linspace(0, 1, STEPS + 1)[:, None]
-    starts, stops, times = [], [], []
+    starts = []
+    stops = []
+    times = []
     for motion in motions():
         start, stop = ends(grid, motion)
         kept = ~(out[start] & out[stop])
-        start, stop = start[kept], stop[kept]
+        start = start[kept]
+        stop = stop[kept]
         # (E, STEPS + 1, 3)
         along = poses[start][:, None] + beside * (np.array(motion) * [H, H, grid.turn])
-        starts, stops = [*starts, start], [*stops, stop]
+        starts = [*starts, start]
+        stops = [*stops, stop]
         times.append(edge_times(key_points_world(key_points, along), q))
     ways = np.concatenate(starts), np.concatenate(stops)
     graph = coo_matrix(
@@ -149,7 +160,8 @@ class Scene(NamedTuple):
 
 @cache
 def make_scene(body: str, posture: str) -> Scene:
-    (key_points, symmetry), q = BODIES[body], POSTURES[posture]
+    (key_points, symmetry) = BODIES[body]
+    q = POSTURES[posture]
     poses, rigid = rigid_times(key_points, symmetry, q)
     points = key_points_world(key_points, poses)  # (B, k, 2)
 
@@ -170,7 +182,8 @@ def scene(request):
 
 def test_key_points_bound_the_escape_time_of_the_body_from_below(scene):
     assert len(scene.poses) > 5000 and np.isfinite(scene.rigid).all()
-    mean, most = scene.times.mean(axis=1), scene.times.max(axis=1)
+    mean = scene.times.mean(axis=1)
+    most = scene.times.max(axis=1)
     assert (mean <= most).all() and (most <= longest(scene.rigid)).all()
 
 

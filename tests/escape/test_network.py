@@ -24,7 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 ALL_ROBOTS = [*ROBOTS, "sliding_arm"]
 SIZES = [(4, 1), (8, 2), (64, 2), (32, 4)]  # width, depth
 Q = np.array([0.3, 0.9, 1.1, 0.7])
-R, U_BAR = 1.4, 0.05
+R = 1.4
+U_BAR = 0.05
 
 
 def draw(robot_name, rows, k, seed=0, clearance=0.01):
@@ -33,7 +34,8 @@ def draw(robot_name, rows, k, seed=0, clearance=0.01):
     They are clear of the parts that touch nothing, too: the angles that a point sees are singular
     on the skeleton.
     """
-    rng, robot = np.random.default_rng(seed), get_robot(robot_name)
+    rng = np.random.default_rng(seed)
+    robot = get_robot(robot_name)
     q = np.concatenate(
         [draw_configurations(robot_name, kind, rows, rng) for kind in ("curled", "uniform")]
     )
@@ -42,10 +44,8 @@ def draw(robot_name, rows, k, seed=0, clearance=0.01):
     for row, places in zip(q, points, strict=True):
         for i in range(k):
             while True:
-                angle, radius = (
-                    rng.uniform(0, 2 * np.pi),
-                    rng.uniform(0.0, 0.98 * robot.workspace_radius),
-                )
+                angle = rng.uniform(0, 2 * np.pi)
+                radius = rng.uniform(0.0, 0.98 * robot.workspace_radius)
                 places[i] = row[: robot.base_dof] if robot.base_dof else 0.0
                 places[i] += radius * np.array([np.cos(angle), np.sin(angle)])
                 if robot_distance(robot.whole_name, places[i : i + 1], row)[0] > clearance:
@@ -72,10 +72,8 @@ def test_kernel_is_its_readable_twin(any_robot, inputs, width, depth, random_wei
     q, points = draw(any_robot, 40, 3)
     p = torch.tensor(points.reshape(-1, 2), requires_grad=True)
     rows = torch.tensor(np.repeat(q, 3, axis=0), requires_grad=True)
-    field, geometry = (
-        NetworkField(any_robot, weights, threads=1),
-        Geometry(any_robot, inputs, SpeedModel()),
-    )
+    field = NetworkField(any_robot, weights, threads=1)
+    geometry = Geometry(any_robot, inputs, SpeedModel())
     T = geometry.time(FieldModule.of(weights).double(), p, rows)
     slopes = torch.autograd.grad(T.sum(), (p, rows))
     seen = geometry.describe(p, rows).detach().numpy().reshape(40, 3, -1)
@@ -91,7 +89,8 @@ def test_kernel_is_its_readable_twin(any_robot, inputs, width, depth, random_wei
 @pytest.mark.parametrize("any_robot", ALL_ROBOTS, indirect=True)
 @pytest.mark.parametrize("inputs", INPUTS)
 def test_gradients_are_finite_differences(any_robot, inputs, random_weights):
-    field, h = NetworkField(any_robot, random_weights(inputs, robot=any_robot)), 1e-3
+    field = NetworkField(any_robot, random_weights(inputs, robot=any_robot))
+    h = 1e-3
     q, points = draw(any_robot, 60, 2)
     T, dT_dp, dT_dq = field.gradients(points, q)
     assert (field.query(points, q) == T).all() and (
@@ -114,7 +113,8 @@ def test_gradients_are_finite_differences(any_robot, inputs, random_weights):
 def test_a_row_of_a_batch_is_the_single_query_bit_for_bit(random_weights, rows, k, threads, inputs):
     weights = random_weights(inputs)
     q, points = draw("planar_arm", 70, 5)
-    q, points = q[:rows], points[:rows, :k]
+    q = q[:rows]
+    points = points[:rows, :k]
     batch = NetworkField("planar_arm", weights, threads=threads).gradients(points, q)
     single = NetworkField("planar_arm", weights, threads=1)
     for row in {0, rows // 2, rows - 1}:
@@ -169,7 +169,8 @@ def test_time_is_never_below_the_free_straight_line(rise, random_weights):
 
 @pytest.mark.parametrize("inputs", INPUTS)
 def test_answers_are_finite_on_the_skeleton_itself(inputs, random_weights):
-    field, points = NetworkField("planar_arm", random_weights(inputs)), np.zeros((4, 2))
+    field = NetworkField("planar_arm", random_weights(inputs))
+    points = np.zeros((4, 2))
     points[:, 0] = 0.0, 0.4, 0.6, 1.2  # the base, a joint, a link and the wrist of the straight arm
     assert all(np.isfinite(answer).all() for answer in field.gradients(points, np.zeros(4)))
     q, _ = draw("planar_arm", 200, 1)

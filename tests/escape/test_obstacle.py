@@ -28,7 +28,8 @@ RING = np.abs(POINTS).max(axis=1)
 @pytest.mark.parametrize("method", ["sweeping", "marching"])
 @pytest.mark.parametrize("leak", [0.0, 0.05])
 def test_a_robot_that_stands_still_is_an_obstacle(method, leak):
-    straight, speed = get_robot("planar_arm"), SpeedModel(leak=leak)
+    straight = get_robot("planar_arm")
+    speed = SpeedModel(leak=leak)
     starts = np.cumsum([0.0, 0.4, 0.4, 0.4])
     links = [
         capsule((x, 0), (x + length, 0), 0.05)
@@ -48,7 +49,8 @@ def test_a_robot_that_stands_still_is_an_obstacle(method, leak):
 @pytest.mark.parametrize("method", ["sweeping", "marching"])
 def test_the_cavity_is_the_cage_and_everything_else_has_the_straight_way(method):
     field = ObstacleField(WALLS, 1.0, even_speed(), 100, method)
-    T, straight = field.query(POINTS), 1.0 - np.hypot(*POINTS.T)
+    T = field.query(POINTS)
+    straight = 1.0 - np.hypot(*POINTS.T)
     assert (np.isinf(T) == (RING <= 0.5)).all()
     np.testing.assert_allclose(
         T[RING > 0.5], np.maximum(straight, 0)[RING > 0.5], rtol=2e-3, atol=1e-12
@@ -107,7 +109,9 @@ def test_bad_arguments_are_refused():
 
 def room(gap: float, turn: float) -> list[RoundedPolygon]:
     """A square room of capsules with a door of that width."""
-    edge, c, s = gap / 2 + 0.05, np.cos(turn), np.sin(turn)
+    edge = gap / 2 + 0.05
+    c = np.cos(turn)
+    s = np.sin(turn)
     sides = [
         (-1, -1, -1, 1),
         (-1, 1, 1, 1),

@@ -56,7 +56,8 @@ def test_the_map_holds_the_distance_of_the_field_in_space(field):
 def test_times_agree_with_those_of_the_polygons_where_distances_do(field, sample):
     points, q = sample
     polygons = GridField("franka", 64, "marching")
-    time, true = field.query(points, q), polygons.query(points, q)
+    time = field.query(points, q)
+    true = polygons.query(points, q)
     assert np.quantile(np.abs(time / true - 1), 0.9) < 0.02
     assert (time < 1.05 * true).all()
     radius = get_robot("franka").workspace_radius
@@ -65,15 +66,18 @@ def test_times_agree_with_those_of_the_polygons_where_distances_do(field, sample
 
 
 def test_a_finer_grid_changes_little(field, sample):
-    points, q = sample[0][:4], sample[1][:4]
+    points = sample[0][:4]
+    q = sample[1][:4]
     fine = GridField("franka", 160, "marching", distance="rdf").query(points, q)
     error = np.abs(field.query(points, q) - fine) / fine
     assert np.median(error) < 0.01 and np.quantile(error, 0.9) < 0.03
 
 
 def test_gradients_match_differences(sample):
-    points, q = sample[0][:4], sample[1][:4]
-    field, h = GridField("franka", 160, "marching", distance="rdf"), 1e-3
+    points = sample[0][:4]
+    q = sample[1][:4]
+    field = GridField("franka", 160, "marching", distance="rdf")
+    h = 1e-3
     hard = GridField("franka", 160, "marching", SpeedModel(leak=0.0), distance="rdf")
     time, dT_dp, dT_dq = field.gradients(points, q)
     assert (time == field.query(points, q)).all() and (

@@ -22,7 +22,9 @@ from piec_envs.escape.training.residual import Interior, ResidualLoss  # noqa: E
 from piec_envs.escape.weights import input_count  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-ARM, R, U_BAR = "planar_arm", 1.4, 0.05
+ARM = "planar_arm"
+R = 1.4
+U_BAR = 0.05
 SMALL = {"width": 8, "depth": 2, "batch": 32, "configurations": 8, "boundary": 8}
 
 
@@ -144,7 +146,8 @@ def test_what_is_carried_forward_equals_what_is_differentiated():
 
 def test_progressive_speed_falls_from_u_bar_to_the_true_one():
     recipe = tiny("pinn-paper-progressive", iterations=100, ramp=0.4)
-    loss, distance = ExtendedLoss(recipe, ARM, SpeedModel(), 0, "cpu"), np.linspace(0.0, 0.5, 50)
+    loss = ExtendedLoss(recipe, ARM, SpeedModel(), 0, "cpu")
+    distance = np.linspace(0.0, 0.5, 50)
     speeds = np.array([loss._speed(distance, iteration) for iteration in range(100)])
     np.testing.assert_allclose(speeds[0], U_BAR)
     assert (np.diff(speeds[:41], axis=0) <= 0).all()

@@ -21,7 +21,8 @@ def smooth_scene(seed, n=22, m=26):
     slow = 1.6 + np.sin(a * x + 9 * c) * np.cos(b * y)
     slow[8:11, 5 : 5 + rng.integers(3, 14)] = np.inf
     boundary = np.full((n, m), np.inf)
-    boundary[0], boundary[:, -1] = 0, 0
+    boundary[0] = 0
+    boundary[:, -1] = 0
     return np.where(np.isfinite(boundary), 1.0, slow), boundary
 
 
@@ -47,7 +48,8 @@ def annulus_scene(closed, n=61):
 @given(st.integers(0, 10**6))
 def test_sweeping_equals_its_reference(seed):
     slow, boundary = smooth_scene(seed)
-    time, reference = sweep(slow, boundary, 0.1), sweep_reference(slow, boundary, 0.1)
+    time = sweep(slow, boundary, 0.1)
+    reference = sweep_reference(slow, boundary, 0.1)
     inner = np.isinf(boundary) & np.isfinite(slow)
     error = np.abs(time[inner] - reference[inner])
     assert np.percentile(error / reference[inner], 90) < 1e-12
@@ -65,7 +67,8 @@ def test_marching_equals_the_heap_reference(seed):
     """
     slow, boundary = smooth_scene(seed)
     inner = np.isinf(boundary) & np.isfinite(slow)
-    time, first = fast_march(slow, boundary, 0.1)[inner], sweep(slow, boundary, 0.1)[inner]
+    time = fast_march(slow, boundary, 0.1)[inner]
+    first = sweep(slow, boundary, 0.1)[inner]
     reference = march_reference(slow, boundary, 0.1)[inner]
     assert np.abs(time - reference).mean() < 0.2 * np.abs(first - reference).mean()
 
@@ -106,7 +109,8 @@ def test_a_closed_annulus_is_a_cage_and_an_open_one_is_not(method):
 
 def test_both_solvers_agree_on_the_annulus():
     slow, boundary, h = annulus_scene(closed=False, n=121)
-    first, second = sweep(slow, boundary, h), fast_march(slow, boundary, h)
+    first = sweep(slow, boundary, h)
+    second = fast_march(slow, boundary, h)
     assert (np.isfinite(first) == np.isfinite(second)).all()
     inner = np.isfinite(first) & (second > 0.1)
     assert np.median(np.abs(first[inner] - second[inner]) / second[inner]) < 0.01

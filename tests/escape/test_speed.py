@@ -50,7 +50,8 @@ def test_hard_wall_has_infinite_slowness():
 
 
 def test_cost_map_equals_the_scalar_kernel_bit_for_bit():
-    packed, d = SpeedModel().packed(), np.random.default_rng(0).uniform(-0.1, 1.5, 1001)
+    packed = SpeedModel().packed()
+    d = np.random.default_rng(0).uniform(-0.1, 1.5, 1001)
     out = np.empty_like(d)
     cost_map(packed, d, 0.5, out)
     assert (out == [0.5 * slowness(packed, x) for x in d]).all()
@@ -58,9 +59,11 @@ def test_cost_map_equals_the_scalar_kernel_bit_for_bit():
 
 def test_distance_map_equals_point_distance():
     rng = np.random.default_rng(0)
-    robot, points = pack_robot("planar_arm"), rng.uniform(-1.5, 1.5, (200, 2))
+    robot = pack_robot("planar_arm")
+    points = rng.uniform(-1.5, 1.5, (200, 2))
     for q in draw_configurations("planar_arm", "uniform", 3, rng):
-        frames, vertices = np.empty((5, 4)), np.empty_like(robot.shapes.vertices)
+        frames = np.empty((5, 4))
+        vertices = np.empty_like(robot.shapes.vertices)
         link_frames(robot, q, frames)
         place_shapes(robot.shapes, frames, vertices, np.empty_like(robot.shapes.centre))
         expected = [point_distance(robot.shapes, vertices, x, y)[0] for x, y in points]

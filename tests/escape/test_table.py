@@ -14,7 +14,8 @@ from piec_envs.world.robots import get_robot
 
 ROBOT = "franka_capsules"
 TINY = {"robot_name": ROBOT, "resolution": 16, "spacing": 0.5}
-R, U_BAR = 1.0, 0.05
+R = 1.0
+U_BAR = 0.05
 
 
 def sample(kind, rows, k, robot_name=ROBOT, seed=0):
@@ -42,7 +43,8 @@ def test_a_coarse_table_is_near_the_exact_field(field):
 
 def test_a_finer_table_is_nearer(field):
     points, q = sample("curled", 30, 100)
-    exact, coarse = GridField(ROBOT, 130, "marching"), TableField(ROBOT, resolution=25, spacing=0.3)
+    exact = GridField(ROBOT, 130, "marching")
+    coarse = TableField(ROBOT, resolution=25, spacing=0.3)
     errors = [
         np.abs(kind.query(points, q) - exact.query(points, q)).mean() for kind in (coarse, field)
     ]
@@ -51,8 +53,10 @@ def test_a_finer_table_is_nearer(field):
 
 def test_no_point_escapes_faster_than_in_a_straight_line(field):
     rng = np.random.default_rng(1)
-    q, points = draw_configurations(ROBOT, "uniform", 50, rng), rng.uniform(-1.1, 1.1, (50, 100, 2))
-    T, bound = field.query(points, q), (R - np.hypot(*points.transpose(2, 0, 1))) / U_BAR
+    q = draw_configurations(ROBOT, "uniform", 50, rng)
+    points = rng.uniform(-1.1, 1.1, (50, 100, 2))
+    T = field.query(points, q)
+    bound = (R - np.hypot(*points.transpose(2, 0, 1))) / U_BAR
     assert (
         np.isfinite(T).all()
         and (T - np.maximum(bound, 0.0) >= 0).all()
@@ -87,7 +91,8 @@ def test_pressing_into_the_wall_does_not_pay_as_a_cage_does(field):
 
 @pytest.mark.parametrize("any_robot", [ROBOT, "sliding_capsules", "turned_capsules"], indirect=True)
 def test_gradients_are_finite_differences(any_robot):
-    field, h = TableField(any_robot, resolution=33, spacing=0.3), 1e-7
+    field = TableField(any_robot, resolution=33, spacing=0.3)
+    h = 1e-7
     points, q = sample("curled", 100, 2, any_robot)
     T, dT_dp, dT_dq = field.gradients(points, q)
     assert (field.query(points, q) == T).all() and (
@@ -105,7 +110,8 @@ def test_gradients_are_finite_differences(any_robot):
 
 def test_gradients_point_as_the_exact_ones_do(field):
     points, q = sample("curled", 40, 20)
-    found, true = field.gradients(points, q), GridField(ROBOT, 130, "marching").gradients(points, q)
+    found = field.gradients(points, q)
+    true = GridField(ROBOT, 130, "marching").gradients(points, q)
     felt = np.linalg.norm(true[2], axis=-1) > 0.5
     for a, b in zip(found[1:], true[1:], strict=True):
         cosine = (a * b).sum(-1) / np.maximum(
@@ -122,7 +128,8 @@ def test_rows_do_not_depend_on_each_other(any_robot):
         TableField(any_robot, resolution=33, spacing=0.3, threads=threads) for threads in (1, 3)
     )
     points, q = sample("curled", 7, 3, any_robot)
-    batch, split = one.gradients(points, q), many.gradients(points, q)
+    batch = one.gradients(points, q)
+    split = many.gradients(points, q)
     for row in range(len(q)):
         for a, b, c in zip(batch, split, one.gradients(points[row], q[row]), strict=True):
             assert (a[row] == c).all() and (b[row] == c).all()
@@ -139,7 +146,8 @@ def test_it_is_the_grid_of_the_same_robot(any_robot):
 
 def test_turning_the_arm_and_the_points_changes_nothing(field):
     points, q = sample("curled", 20, 10)
-    c, s = np.cos(0.7), np.sin(0.7)
+    c = np.cos(0.7)
+    s = np.sin(0.7)
     turned = field.query(points @ np.array([[c, s], [-s, c]]), q + np.array([0.7, 0.0, 0.0]))
     np.testing.assert_allclose(turned, field.query(points, q), rtol=1e-12)
 
@@ -147,7 +155,8 @@ def test_turning_the_arm_and_the_points_changes_nothing(field):
 def test_beyond_its_limits_a_joint_stays_at_them(field):
     robot = get_robot(ROBOT)
     points, q = sample("curled", 5, 4)
-    q[:, 1], q[:, 2] = robot.joints[1].lower, robot.joints[2].upper
+    q[:, 1] = robot.joints[1].lower
+    q[:, 2] = robot.joints[2].upper
     beyond = field.gradients(points, q + np.array([0.0, -0.2, 0.2]))
     np.testing.assert_allclose(beyond[0], field.query(points, q), rtol=1e-12)
     assert (beyond[2][..., 1:] == 0).all() and (beyond[2][..., 0] != 0).any()
@@ -169,7 +178,8 @@ def fresh(tmp_path, monkeypatch):
     """An empty cache, and how often a table was solved since."""
     from piec_envs.escape import table
 
-    solved, tabulate = [], table.tabulate
+    solved = []
+    tabulate = table.tabulate
     monkeypatch.setenv("PIEC_CACHE", str(tmp_path))
     monkeypatch.setattr(table, "tabulate", lambda *args: solved.append(1) or tabulate(*args))
     return tmp_path, solved

@@ -18,7 +18,9 @@ from piec_envs.escape.training.lookahead import Paths, even_directions  # noqa: 
 from piec_envs.escape.training.residual import ResidualLoss  # noqa: E402
 from piec_envs.world.robots import get_robot  # noqa: E402
 
-ARM, R, U_BAR = "planar_arm", 1.4, 0.05
+ARM = "planar_arm"
+R = 1.4
+U_BAR = 0.05
 LITTLE = dataclasses.replace(RECIPES["pinn"], directions=4, first_directions=8, descent_steps=4)
 
 
@@ -87,8 +89,10 @@ def test_targets_of_paths_bound_the_time_from_above(paths):
     q, points = sampling.training_set(ARM, 60, 10, rng)
     true = make_field("grid", resolution=160, method="marching").query(points, q).ravel()
     reachable = np.isfinite(make_field("grid", speed={"leak": 0.0}).query(points, q)).ravel()
-    q, points = np.repeat(q, 10, axis=0), points.reshape(-1, 2)
-    straight, descent = paths.straight_out(q, points, rng), paths.descend(q, points)
+    q = np.repeat(q, 10, axis=0)
+    points = points.reshape(-1, 2)
+    straight = paths.straight_out(q, points, rng)
+    descent = paths.descend(q, points)
     assert (
         reachable.mean() > 0.5 and np.isfinite(straight).all() and np.isfinite(descent).mean() > 0.5
     )

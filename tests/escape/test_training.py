@@ -37,7 +37,9 @@ from piec_envs.escape.training.trainer import Training, learning_rate  # noqa: E
 from piec_envs.escape.weights import FieldWeights  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
-ARM, R, U_BAR = "planar_arm", 1.4, 0.05
+ARM = "planar_arm"
+R = 1.4
+U_BAR = 0.05
 SMALL = {"width": 8, "depth": 2, "iterations": 5, "batch": 32, "learning_rate": 0.01}
 KINDS = {
     Residual: {"configurations": 8, "boundary": 8},
@@ -49,7 +51,8 @@ KINDS = {
 
 def settings_of(name, **changes):
     """Numbers that make a recipe of the table tiny."""
-    recipe, found = RECIPES[name], dict(SMALL)
+    recipe = RECIPES[name]
+    found = dict(SMALL)
     for kind, numbers in KINDS.items():
         found.update(numbers if isinstance(recipe, kind) else {})
     if isinstance(recipe, Bellman):
@@ -81,7 +84,8 @@ def small_machine(monkeypatch):
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_a_recipe_goes_on_from_every_stop_to_the_weights_of_an_unbroken_run(name, tmp_path):
-    recipe, file = tiny(name), tmp_path / "a.checkpoint.npz"
+    recipe = tiny(name)
+    file = tmp_path / "a.checkpoint.npz"
     unbroken = Training(recipe, ARM, 3, threads=1).run(progress=False)
     total = sum(Training(recipe, ARM, 3, threads=1).loss.lengths)
     for stop in (1, 3, 5, 7, 10, 14, total):
@@ -153,7 +157,8 @@ def test_a_robot_whose_base_slides_is_refused(any_robot):
 
 
 def test_another_trainings_or_a_broken_checkpoint_is_refused(tmp_path, random_weights):
-    file, recipe = tmp_path / "a.npz", tiny("pinn")
+    file = tmp_path / "a.npz"
+    recipe = tiny("pinn")
     training = Training(recipe, ARM, 0, file, threads=1)
     training.run(progress=False, stop_at=7)
     for other in ((tiny("pinn", width=4), ARM, 0), (tiny("network"), ARM, 0), (recipe, ARM, 1)):
@@ -163,7 +168,8 @@ def test_another_trainings_or_a_broken_checkpoint_is_refused(tmp_path, random_we
     elsewhere.robot_name = "another_arm"
     with pytest.raises(WeightsError, match="belongs to another training"):
         read_checkpoint(file, elsewhere)
-    good, rng = file.read_bytes(), np.random.default_rng(0)
+    good = file.read_bytes()
+    rng = np.random.default_rng(0)
     for bad in (
         b"",
         b"nothing",
@@ -229,7 +235,8 @@ def test_numbers_with_which_nothing_can_be_trained_are_refused(name, changes):
 
 
 def test_learning_rates_fall():
-    cosine, halving = RECIPES["network"], RECIPES["pinn-paper"]
+    cosine = RECIPES["network"]
+    halving = RECIPES["pinn-paper"]
     rates = [learning_rate(cosine, k, 100) for k in range(100)]
     assert rates[0] == cosine.learning_rate and (np.diff(rates) < 0).all() and rates[-1] > 0
     assert (

@@ -13,7 +13,8 @@ U_BAR = 0.05
 
 @pytest.mark.parametrize("any_robot", ["sliding_arm"], indirect=True)
 def test_the_disc_moves_with_the_base(any_robot):
-    field, fixed = GridField(any_robot), GridField("planar_arm")
+    field = GridField(any_robot)
+    fixed = GridField("planar_arm")
     rng = np.random.default_rng(0)
     q = draw_configurations("planar_arm", "curled", 4, rng)
     points = draw_points("planar_arm", "curled", q, 5, rng, 0.05)
@@ -24,7 +25,8 @@ def test_the_disc_moves_with_the_base(any_robot):
     np.testing.assert_allclose(T, expected[0], rtol=1e-9)
     np.testing.assert_allclose(dT_dq[..., 2:], expected[2], rtol=1e-6, atol=1e-6)
     assert (dT_dq[..., :2] == -dT_dp).all()
-    drawn, path = field.solve(moved[0]), field.escape_path(points[0, 0] + shift, moved[0])
+    drawn = field.solve(moved[0])
+    path = field.escape_path(points[0, 0] + shift, moved[0])
     assert drawn.x.mean() == pytest.approx(1.3) and drawn.y.mean() == pytest.approx(-2.1)
     np.testing.assert_allclose(path - shift, fixed.escape_path(points[0, 0], q[0]), atol=1e-6)
 
@@ -34,7 +36,9 @@ def test_a_larger_workspace_adds_a_straight_way_out():
     T - T_0 stays.
     """
     own = get_robot("franka").workspace_radius
-    points, q = np.array([[0.1, -0.4], [0.2, -0.3]]), np.array([0.4, -1.5, 1.2])  # beside the arm
+    # beside the arm
+    points = np.array([[0.1, -0.4], [0.2, -0.3]])
+    q = np.array([0.4, -1.5, 1.2])
     small, large = (  # nodes equally dense
         GridField("franka", round(160 * radius / own), "marching", radius=radius).query(points, q)
         for radius in (own, 2.0)

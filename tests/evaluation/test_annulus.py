@@ -16,12 +16,14 @@ UPRIGHT = Annulus(centre=(0.5, 0.0), angle=0.0, outer=0.2, inner=0.1)
 
 def disc_points(count: int) -> np.ndarray:
     rng = np.random.default_rng(0)
-    r, angle = np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
+    r = np.sqrt(rng.uniform(size=count))
+    angle = rng.uniform(0, 2 * np.pi, count)
     return np.column_stack([r * np.cos(angle), r * np.sin(angle)])
 
 
 def test_the_walls_fill_the_ring():
-    annulus, points = Annulus(), disc_points(3000)
+    annulus = Annulus()
+    points = disc_points(3000)
     walls = pack_shapes([(shape, 0, 0) for shape in annulus.walls])
     d = np.array([point_distance(walls, walls.vertices, x, y)[0] for x, y in points])
     ring = (annulus.depth(points, annulus.outer) > 0) & (annulus.depth(points, annulus.inner) < 0)
@@ -50,7 +52,8 @@ def test_refraction_obeys_snells_law_on_a_flat_wall(leak):
     """
     from scipy.optimize import minimize
 
-    annulus, star = Annulus(angle=0.0), np.array([0.58, 0.1])
+    annulus = Annulus(angle=0.0)
+    star = np.array([0.58, 0.1])
     x_in, x_out = (annulus.centre[0] + half for half in (annulus.inner, annulus.outer))
 
     def total(y):

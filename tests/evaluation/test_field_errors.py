@@ -10,7 +10,8 @@ from piec_envs.escape.grid import GridField
 from piec_envs.escape.speed import SpeedModel
 from piec_envs.world.robots import get_robot
 
-EXACT, COARSE = GridField(resolution=64, threads=1), GridField(resolution=32, threads=1)
+EXACT = GridField(resolution=64, threads=1)
+COARSE = GridField(resolution=32, threads=1)
 CURLED = np.array([[0.1, 1.15, 1.89, 1.29], [1.9, -0.81, -2.18, -0.96]])
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from trajectories import GOAL, PLANS, STEPS
 
 from evaluation import figures
 from evaluation.figures.mismatch import end_box
@@ -28,25 +29,6 @@ from piec_envs.rendering.space import SpaceFrames
 from piec_envs.world.objects import get_object
 
 ROOT = Path(__file__).resolve().parents[2]
-STEPS, ROLLOUTS = 60, 7
-GOAL = np.array([-0.3, 0.4])
-
-
-def make_trajectory(mode: str, seed: int) -> figures.Trajectory:
-    """An arm that curls while the object drifts to the goal; contact from step 20 on."""
-    rng = np.random.default_rng(seed)
-    share = np.linspace(0, 1, STEPS + 1)[:, None]
-    q_r = share * [1.5, 1.0, 1.2, 1.4]
-    pose = np.column_stack([np.array([0.55, 0.25]) * (1 - share) + GOAL * share, share])
-    noise = np.cumsum(0.01 * rng.standard_normal((ROLLOUTS, STEPS + 1, 3)), axis=1)
-    contact = np.zeros((STEPS + 1, 4), dtype=bool)
-    contact[20:, 2] = True
-    return figures.Trajectory(mode, "planar_arm", "circle", GOAL, q_r, pose, contact, pose + noise)
-
-
-PLANS = [
-    make_trajectory(mode, seed) for seed, mode in enumerate(("contact", "proximity", "caging"))
-]
 SERIES = {plan.mode: np.linalg.norm(plan.disturbed[..., :2] - GOAL, axis=-1) for plan in PLANS}
 SWEEP = {mode: {0.001: rows, 0.005: 2 * rows} for mode, rows in SERIES.items()}
 FINAL = {mode: {sigma: rows[:, -1] for sigma, rows in row.items()} for mode, row in SWEEP.items()}
@@ -63,7 +45,8 @@ PANEL = figures.ObstaclePanel(
     paths=(SOLVED.escape_path(np.zeros(2)),),
 )
 
-EXACT, COARSE = GridField(resolution=64, threads=1), GridField(resolution=32, threads=1)
+EXACT = GridField(resolution=64, threads=1)
+COARSE = GridField(resolution=32, threads=1)
 FIELDS = {"exact": EXACT, "coarse": COARSE}
 CURLED = np.array([[0.1, 1.15, 1.89, 1.29], [1.9, -0.81, -2.18, -0.96]])
 WITHIN = np.array([[0.34, 0.28], [0.05, 0.43]])
@@ -139,7 +122,8 @@ def drawn_texts(monkeypatch):
     """
     from matplotlib.text import Text
 
-    texts, draw = {}, Text.draw
+    texts = {}
+    draw = Text.draw
 
     def keep(self, renderer):
         draw(self, renderer)

@@ -64,7 +64,9 @@ def test_workers_get_one_thread_and_no_progress_bar(draw):
 
 def test_an_executor_is_handed_no_more_than_its_limit(draw):
     class Limited(ThreadPoolExecutor):
-        limit, handed, most = 2, 0, 0
+        limit = 2
+        handed = 0
+        most = 0
 
         def submit(self, *arguments):
             future = super().submit(*arguments)

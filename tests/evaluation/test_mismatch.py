@@ -23,7 +23,8 @@ from planners import OpenLoopPolicy
 
 PUSH = "piec_envs/PlanarArmPush-v0"
 NO_FIELD = {"escape_field": None}
-SEED, EPISODES = 2, 3
+SEED = 2
+EPISODES = 3
 
 
 @pytest.fixture
@@ -61,7 +62,8 @@ def result(n=1, rate=1.0, twin_n=1, **changes) -> dict:
 
 
 def test_drawn_starts_are_compared_row_by_row_with_the_same_starts(once, executed):
-    perturbed, twin = executed("friction-0.00-start"), executed("nominal-start")
+    perturbed = executed("friction-0.00-start")
+    twin = executed("nominal-start")
     assert np.array_equal(perturbed.pose[:, 0], twin.pose[:, 0])
     # (EPISODES, N + 1)
     offset = np.hypot(*np.moveaxis(perturbed.pose[..., :2] - twin.pose[..., :2], -1, 0))
@@ -106,7 +108,8 @@ def test_starts_are_drawn_less_often_than_noise(tmp_path):
 
 
 def test_one_execution_of_each_plan_has_wilsons_interval():
-    single, several = [result() for _ in range(5)], [result(n=20, rate=rate) for rate in (1.0, 0.5)]
+    single = [result() for _ in range(5)]
+    several = [result(n=20, rate=rate) for rate in (1.0, 0.5)]
     assert cell(success_rate(single)) == "100 [57, 100] %"
     assert cell(success_rate(several)) == "75 [50, 100] %"
     assert cell(success_rate(several, "unperturbed_")) == "100 [34, 100] %"
@@ -128,7 +131,8 @@ def test_rows_stand_beside_their_twin():
 
 def test_notes_say_where_caging_falls_short():
     cases = [Case("contact", {}), Case("caging", {})]
-    bad, good = [result(rate=0.8), result(rate=0.9)], [result(rate=0.9), result(rate=1.0)]
+    bad = [result(rate=0.8), result(rate=0.9)]
+    good = [result(rate=0.9), result(rate=1.0)]
     found = {"combined": [good, bad], "shape-square": [bad, good]}
     assert (
         shortfalls(cases, found)

@@ -43,7 +43,8 @@ def run(capsys):
 
 def test_evaluate_judges_by_the_plans_own(other_plan, tmp_path, run):
     """A plan for (0.2, 0.5) was judged against (-0.3, 0.4)."""
-    file, expected = other_plan.save(tmp_path / "p.npz"), summarise(evaluate(other_plan))
+    file = other_plan.save(tmp_path / "p.npz")
+    expected = summarise(evaluate(other_plan))
     document = run("evaluate", file, "--out", tmp_path / "out")
     (result,) = document["evaluations"]
     assert result["d2g_mean"] == expected["d2g_mean"]

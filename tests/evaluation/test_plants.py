@@ -25,7 +25,8 @@ from planners import CmaEsPlanner, OpenLoopPolicy, Plan, RigidCarry
 from planners.objectives import OBJECTIVES
 
 ROOT = Path(__file__).resolve().parents[2]
-PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
+PUSH = "piec_envs/PlanarArmPush-v0"
+TRACK = "piec_envs/PlanarArmTrack-v0"
 TINY = {"iterations": 2, "population": 4, "restarts": 1, "start": "rest", "robust_iterations": 0}
 GOAL = [0.2, 0.5]
 OTHER = {"goal": GOAL, "object": "square", "friction": 0.1, "inertia": "own", "preset": "paper"}

@@ -98,7 +98,8 @@ def test_the_issues_protocols_are_there():
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_twins_differ_by_the_drawn_start_alone(name):
-    plain, twin = get_protocol(name), get_protocol(f"{name}-start")
+    plain = get_protocol(name)
+    twin = get_protocol(f"{name}-start")
     assert plain.start_noise is None and twin.start_noise == (0.01, 0.05)
     assert plain.params == twin.params
     assert twin.env_kwargs() == {**plain.env_kwargs(), "start_noise": [0.01, 0.05]}
@@ -169,6 +170,7 @@ def test_objects_of_protocols_stand_around_others_of_the_table():
     named = {item for row in PROTOCOLS.values() for item in row.objects}
     assert named and named <= set(OBJECTS)
     for name in named:
-        planned_as, true = OBJECTS[family(name)], OBJECTS[name]
+        planned_as = OBJECTS[family(name)]
+        true = OBJECTS[name]
         assert planned_as.name != name
         assert np.isin(np.round(planned_as.key_points, 9), np.round(true.key_points, 9)).all()

@@ -172,7 +172,8 @@ run_recorded("slow_work:slow", works, sys.argv[1])
 def test_a_killed_run_resumes_without_losing_or_repeating_a_record(tmp_path, monkeypatch):
     (tmp_path / "slow_work.py").write_text(WORK)
     monkeypatch.syspath_prepend(tmp_path)
-    path, log = tmp_path / "r.jsonl", tmp_path / "log"
+    path = tmp_path / "r.jsonl"
+    log = tmp_path / "log"
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
     process = subprocess.Popen([sys.executable, "-c", RUN, path, log], env=env)
     deadline = time.monotonic() + 30

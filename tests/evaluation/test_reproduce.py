@@ -254,7 +254,8 @@ def test_the_committed_results_of_a_clone_are_found_and_their_plans_fit_their_re
 
 
 def test_differences_are_measured_value_by_value():
-    nan, inf = float("nan"), float("inf")
+    nan = float("nan")
+    inf = float("inf")
     assert dict(leaves({"a": [1, {"b": None}], "c": "x"})) == {"a[0]": 1, "a[1].b": None, "c": "x"}
     sizes = {
         (1.0, 1.0): 0,

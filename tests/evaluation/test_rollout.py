@@ -19,7 +19,8 @@ from piec_envs.errors import (
 )
 from planners import OpenLoopPolicy
 
-PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
+PUSH = "piec_envs/PlanarArmPush-v0"
+TRACK = "piec_envs/PlanarArmTrack-v0"
 NO_FIELD = {"escape_field": None}
 
 
@@ -142,7 +143,8 @@ def test_file_round_trip(sweep_plan, tmp_path):
 
 def diverge(monkeypatch, row: int, step: int) -> None:
     """Make the simulation of one row of the first batch unstable in this step."""
-    original, times = QuasiDynamics.rollout, count(1)
+    original = QuasiDynamics.rollout
+    times = count(1)
 
     def rollout(*arguments):
         motion = original(*arguments)
@@ -178,7 +180,8 @@ def test_a_row_that_diverges_holds_its_last_good_entries_and_fails(sweep_plan, m
         "pose",
         "q_r",
     ):
-        before, after = getattr(whole, name), getattr(cut, name)
+        before = getattr(whole, name)
+        after = getattr(cut, name)
         assert np.array_equal(before[[0, 2]], after[[0, 2]]), name
         assert np.array_equal(before[1, :step], after[1, :step]), name
         assert (after[1, step:] == after[1, step - 1]).all(), name

@@ -50,7 +50,8 @@ def test_a_run_goes_on_where_its_record_ends(tmp_path, monkeypatch):
         row["steps"] for row in whole["rows"]
     )
     cut = json.loads(out.read_text())
-    cut["rows"], cut["summary"]["complete"] = cut["rows"][:2], False
+    cut["rows"] = cut["rows"][:2]
+    cut["summary"]["complete"] = False
     cut["rows"][0]["seconds"] = 123.0  # as it would not be measured again
     out.write_text(json.dumps(cut))
     again = run_soak(100, out, progress=False)

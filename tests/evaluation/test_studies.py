@@ -148,7 +148,8 @@ def test_the_planned_shape_is_measured(results):
 
 def test_two_workers_do_the_same_as_one(results, tmp_path):
     module = get_study("planar-objectives").load()
-    alone, together = results / "planar-objectives", tmp_path / "planar-objectives"
+    alone = results / "planar-objectives"
+    together = tmp_path / "planar-objectives"
     module.run(module.Settings.smoke(), together, jobs=2, progress=False)
     for name in ("table.md", "table.csv", "keyframes.png"):
         assert (together / name).read_bytes() == (alone / name).read_bytes()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from trajectories import GOAL, PLANS, STEPS
 
 from evaluation import figures
 from evaluation.figures.animation import WIDTH, _few_colours, animation, rollout_frames
@@ -14,26 +15,6 @@ from evaluation.figures.scenes import keyframe_steps
 from evaluation.figures.strip import strip_steps
 from evaluation.figures.trajectory import bounds
 from piec_envs.errors import InvalidParameterError, MissingDependencyError
-
-STEPS, ROLLOUTS = 60, 7
-GOAL = np.array([-0.3, 0.4])
-
-
-def make_trajectory(mode: str, seed: int) -> figures.Trajectory:
-    """An arm that curls while the object drifts to the goal; contact from step 20 on."""
-    rng = np.random.default_rng(seed)
-    share = np.linspace(0, 1, STEPS + 1)[:, None]
-    q_r = share * [1.5, 1.0, 1.2, 1.4]
-    pose = np.column_stack([np.array([0.55, 0.25]) * (1 - share) + GOAL * share, share])
-    noise = np.cumsum(0.01 * rng.standard_normal((ROLLOUTS, STEPS + 1, 3)), axis=1)
-    contact = np.zeros((STEPS + 1, 4), dtype=bool)
-    contact[20:, 2] = True
-    return figures.Trajectory(mode, "planar_arm", "circle", GOAL, q_r, pose, contact, pose + noise)
-
-
-PLANS = [
-    make_trajectory(mode, seed) for seed, mode in enumerate(("contact", "proximity", "caging"))
-]
 
 
 def test_steps_start_with_the_first_contact():

@@ -20,12 +20,14 @@ from piec_envs import (
 from piec_envs.geometry.body import scene_distances
 from piec_envs.world.packed import pack_scene
 
-ROBOT, ITEM = "planar_arm", "square"
+ROBOT = "planar_arm"
+ITEM = "square"
 
 
 @pytest.fixture(scope="module")
 def states():
-    robot, rng = get_robot(ROBOT), np.random.default_rng(0)
+    robot = get_robot(ROBOT)
+    rng = np.random.default_rng(0)
     q = rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"), (6, 5, robot.dof))
     return q, rng.uniform([-0.5, -0.5, -3.0], [0.5, 0.5, 3.0], (6, 5, 3))
 
@@ -33,7 +35,8 @@ def states():
 def test_every_row_is_that_of_its_state(states):
     q, pose = states
     scene = pack_scene(ROBOT, ITEM)
-    alone, around = self_distances(ROBOT, q), object_distances(ROBOT, ITEM, q, pose)
+    alone = self_distances(ROBOT, q)
+    around = object_distances(ROBOT, ITEM, q, pose)
     for index in np.ndindex(q.shape[:2]):
         distances = np.empty(scene.robot.links)
         assert alone[index] == scene_distances(scene, q[index], pose[index], distances)
@@ -56,7 +59,8 @@ def test_threads_change_nothing(states, threads):
 
 
 def test_frames_are_a_chain_of_the_joints(states):
-    robot, q = get_robot(ROBOT), states[0][0]
+    robot = get_robot(ROBOT)
+    q = states[0][0]
     frames = robot_frames(ROBOT, q)
     assert np.all(frames[:, 0] == [0.0, 0.0, 1.0, 0.0])
     np.testing.assert_allclose(

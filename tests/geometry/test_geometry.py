@@ -76,11 +76,9 @@ def test_point_distance_equals_sampled_capsules(q, x, y):
 def test_least_distance_is_point_distance(q, x, y):
     robot = pack_robot("franka_capsules")
     shapes = robot.shapes
-    frames, vertices, centres = (
-        np.empty((4, 4)),
-        np.empty_like(shapes.vertices),
-        np.empty_like(shapes.centre),
-    )
+    frames = np.empty((4, 4))
+    vertices = np.empty_like(shapes.vertices)
+    centres = np.empty_like(shapes.centre)
     link_frames(robot, np.array(q), frames)
     place_shapes(shapes, frames, vertices, centres)
     assert (
@@ -98,7 +96,8 @@ def test_link_distance_is_lipschitz(q, pose, name, step):
     """Moving the object by at most s changes no distance by more than s."""
     scene = pack_scene("planar_arm", name)
     move = 0.01 * np.array(step) * [1, 1, 0]
-    before, after = np.empty(4), np.empty(4)
+    before = np.empty(4)
+    after = np.empty(4)
     scene_distances(scene, q, pose, before)
     scene_distances(scene, q, pose + move, after)
     assert (np.abs(after - before) <= np.hypot(move[0], move[1]) + 1e-12).all()
@@ -107,9 +106,11 @@ def test_link_distance_is_lipschitz(q, pose, name, step):
 @given(q=configurations, pose=poses, name=st.sampled_from(list(OBJECTS)), turn=st.floats(-3, 3))
 def test_distances_turn_with_the_scene(q, pose, name, turn):
     scene = pack_scene("planar_arm", name)
-    c, s = np.cos(turn), np.sin(turn)
+    c = np.cos(turn)
+    s = np.sin(turn)
     turned = np.array([c * pose[0] - s * pose[1], s * pose[0] + c * pose[1], pose[2] + turn])
-    before, after = np.empty(4), np.empty(4)
+    before = np.empty(4)
+    after = np.empty(4)
     scene_distances(scene, q, pose, before)
     scene_distances(scene, q + turn * np.eye(4)[0], turned, after)
     np.testing.assert_allclose(before, after, atol=1e-12)
@@ -135,7 +136,8 @@ def test_point_velocity_against_finite_differences(q, j, x, y):
     local = np.exp(-1j * np.angle(frames[j + 1, 2] + 1j * frames[j + 1, 3])) * (
         x + 1j * y - (frames[j + 1, 0] + 1j * frames[j + 1, 1])
     )
-    h, moved = 1e-6, []
+    h = 1e-6
+    moved = []
     for sign in (-1, 1):
         turned = q.copy()
         turned[j] += sign * h
@@ -166,7 +168,8 @@ def test_contact_rows_are_the_slopes_of_the_gap(q, pose, name):
         return  # two contacts equally near: the least distance has a kink
     rows = np.empty((64, 7))
     contact_rows(scene, made.frames, pose, contacts, 0.0, rows)
-    slope, h = np.empty(7), 1e-6
+    slope = np.empty(7)
+    h = 1e-6
     for j in range(7):
         values = []
         for sign in (-1, 1):

@@ -38,7 +38,8 @@ def near_the_robot(scene, data):
     """Joints, and a pose of the object near one of the robot's corners."""
     robot = scene.robot
     shares = data.draw(st.tuples(*[st.floats(0, 1)] * len(robot.lower)))
-    low, high = np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0)
+    low = np.maximum(robot.lower, -3.0)
+    high = np.minimum(robot.upper, 3.0)
     q = low + np.array(shares) * (high - low)
     placed = make_placed(scene)
     place_scene(scene, q, np.zeros(3), placed, np.empty(robot.links))
@@ -49,7 +50,8 @@ def near_the_robot(scene, data):
 
 def exact_pairs(scene, placed):
     """`core_distance` of each robot shape and object shape, shape (S, K, 3)."""
-    arm, item = scene.robot.shapes, scene.object.shapes
+    arm = scene.robot.shapes
+    item = scene.object.shapes
     return np.array(
         [
             [
@@ -79,9 +81,11 @@ def found(scene, placed, margin):
 @given(data=st.data())
 def test_distances_and_contacts_are_those_of_all_pairs(name, data):
     scene = SCENES[name]
-    arm, item = scene.robot.shapes, scene.object.shapes
+    arm = scene.robot.shapes
+    item = scene.object.shapes
     q, pose = near_the_robot(scene, data)
-    placed, distances = make_placed(scene), np.empty(scene.robot.links)
+    placed = make_placed(scene)
+    distances = np.empty(scene.robot.links)
     first = st.integers(0, len(item.radius) - 1)
     placed.nearest[:] = data.draw(
         st.lists(first, min_size=len(arm.radius), max_size=len(arm.radius))
@@ -103,7 +107,8 @@ def test_distances_and_contacts_are_those_of_all_pairs(name, data):
 
 def test_most_pairs_of_an_arm_and_many_discs_are_passed_over():
     scene = SCENES["meshes, paper pack"]
-    placed, distances = make_placed(scene), np.empty(scene.robot.links)
+    placed = make_placed(scene)
+    distances = np.empty(scene.robot.links)
     place_scene(scene, np.zeros(5), np.array([0.6, 0.3, 0.0]), placed, distances)
     link_distances(scene, placed, distances)  # from the nearest
     passed_over = ~placed.pairs[:, :, 1:].any(axis=2)

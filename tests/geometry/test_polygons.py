@@ -37,7 +37,8 @@ def plain_distance(a, b):
     """The distance of two polygons; where they overlap, minus the least translation that parts
     them.
     """
-    (near_a, beyond_a), (near_b, beyond_b) = to_edges(b, a), to_edges(a, b)
+    (near_a, beyond_a) = to_edges(b, a)
+    (near_b, beyond_b) = to_edges(a, b)
     gap = max(beyond_a.min(axis=0).max(), beyond_b.min(axis=0).max())
     return gap if gap < 0 else min(near_a.min(), near_b.min())
 
@@ -48,7 +49,8 @@ def test_two_polygons(m, n):
     rng = np.random.default_rng(100 * m + n)
     apart = 0
     for _ in range(60):
-        a, b = polygon(m, rng), polygon(n, rng) + rng.uniform(-0.3, 0.3, 2)
+        a = polygon(m, rng)
+        b = polygon(n, rng) + rng.uniform(-0.3, 0.3, 2)
         distance, *normal = core_distance(a, 0, m, b, 0, n)
         assert distance == pytest.approx(plain_distance(a, b), abs=1e-12)
         assert np.hypot(*normal) == pytest.approx(1)

@@ -38,7 +38,8 @@ def draw(rows, k, seed=0):
 
 
 def test_basis_sums_to_one_and_has_the_slope_of_its_differences():
-    u, h = np.linspace(0.01, 0.99, 20), 1e-6
+    u = np.linspace(0.01, 0.99, 20)
+    h = 1e-6
     np.testing.assert_allclose(bernstein(9, u).sum(axis=-1), 1)
     difference = (bernstein(9, u + h) - bernstein(9, u - h)) / (2 * h)
     np.testing.assert_allclose(bernstein_slope(9, u), difference, atol=1e-8)
@@ -51,8 +52,10 @@ def test_a_body_is_met_within_2_mm_on_average(name):
     points = spread_points(shape.box, 8000, np.random.default_rng(1))
     true = exact_distance(hull, points)
     d, slope = evaluate(shape.weights, shape.box, points)
-    error, norm = np.abs(d - true), np.linalg.norm(slope, axis=1)
-    near, inside = (true > 0) & (true < 0.2), true <= 0
+    error = np.abs(d - true)
+    norm = np.linalg.norm(slope, axis=1)
+    near = (true > 0) & (true < 0.2)
+    inside = true <= 0
     assert error.max() < shape.slack
     assert error[near].mean() < 0.5e-3 and error[inside].mean() < 1.5e-3
     spread = np.arange(8000) < 4000  # the others crowd at the surface

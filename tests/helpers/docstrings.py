@@ -39,7 +39,8 @@ def public(node: ast.Module | ast.ClassDef, prefix: str = "") -> Iterator[Public
     for child in node.body:
         if not isinstance(child, (ast.ClassDef, *FUNCTION)) or child.name.startswith("_"):
             continue
-        in_class, docstring = isinstance(node, ast.ClassDef), ast.get_docstring(child) or ""
+        in_class = isinstance(node, ast.ClassDef)
+        docstring = ast.get_docstring(child) or ""
         yield Public(prefix + child.name, child, in_class, docstring)
         if isinstance(child, ast.ClassDef):
             yield from public(child, f"{prefix}{child.name}.")
@@ -209,7 +210,8 @@ def methods_with_args(sources: list[str]) -> dict[str, str]:
 def faults(source: str, documented: Mapping[str, str] | None = None) -> list[str]:
     """Whatever the public docstrings of a module lack; `documented` is None if it stands alone."""
     known = methods_with_args([source]) if documented is None else documented
-    found, lines = [], source.splitlines()
+    found = []
+    lines = source.splitlines()
     for item in public(ast.parse(source)):
         of_class = isinstance(item.node, ast.ClassDef)
         lacks = class_faults(item, lines) if of_class else function_faults(item, known)

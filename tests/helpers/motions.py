@@ -59,11 +59,10 @@ def random_motion_of(object_name, rows=60, steps=200, seed=0, sigma=0.0, dynamic
     """
     dynamics = dynamics or QuasiDynamics()
     rng = np.random.default_rng(seed)
-    touching, squeezed = (
-        _touching(object_name, rows // 2, rng),
-        _squeezed(object_name, rows - rows // 2, rng),
-    )
-    q, pose = np.vstack([touching[0], squeezed[0]]), np.vstack([touching[1], squeezed[1]])
+    touching = _touching(object_name, rows // 2, rng)
+    squeezed = _squeezed(object_name, rows - rows // 2, rng)
+    q = np.vstack([touching[0], squeezed[0]])
+    pose = np.vstack([touching[1], squeezed[1]])
     actions = np.empty((len(q), steps, 4))
     for row in actions:
         t = 0

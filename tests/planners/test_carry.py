@@ -14,7 +14,8 @@ from piec_envs.errors import InvalidParameterError, PlanError
 from piec_envs.model.task import MOBILE, mobile_franka_track
 from planners import OpenLoopPolicy, Plan, RigidCarry
 
-PUSH, TRACK = "piec_envs/MobileFrankaPush-v0", "piec_envs/MobileFrankaTrack-v0"
+PUSH = "piec_envs/MobileFrankaPush-v0"
+TRACK = "piec_envs/MobileFrankaTrack-v0"
 CAPSULES = {"geometry": "capsules"}
 # out of reach of the object, so that nothing presses on the arm
 CLEAR = [-1.0, 1.0, 0.5, -1.5, 1.5]

@@ -37,7 +37,8 @@ def postures(problem: CagingProblem, rows: int, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_constraint_gradients_are_finite_differences(name):
-    problem, h = problem_of(name), 1e-6
+    problem = problem_of(name)
+    h = 1e-6
     # many overlap object or self
     q = draw_postures(problem, "uniform", 200, np.random.default_rng(1))
     phi, dphi = problem.constraints(q)
@@ -60,13 +61,15 @@ def test_one_constraint_for_each_link_and_shape_then_pairs_of_links():
 
 @pytest.mark.parametrize("reduce", ["mean", "max"])
 def test_escape_time_gradient_is_a_finite_difference(reduce):
-    problem, h = problem_of(reduce=reduce), 1e-3
+    problem = problem_of(reduce=reduce)
+    h = 1e-3
     q = postures(problem, 300)
     judged = problem.measure(q)
     q = q[judged.feasible]
     times, slopes = problem.escape_time(q)
     np.testing.assert_allclose(times, judged.escape_time[judged.feasible])
-    q, slopes = q[np.linalg.norm(slopes, axis=1) > 1], slopes[np.linalg.norm(slopes, axis=1) > 1]
+    q = q[np.linalg.norm(slopes, axis=1) > 1]
+    slopes = slopes[np.linalg.norm(slopes, axis=1) > 1]
     steps = h * np.eye(4)
     numeric = np.stack(
         [(problem.escape_time(q + e)[0] - problem.escape_time(q - e)[0]) / (2 * h) for e in steps],
@@ -188,14 +191,16 @@ def test_sqp_step_satisfies_the_kkt_conditions():
     """The gradient of the quadratic program is held up by its active rows alone, with the right
     signs.
     """
-    problem, sqp = problem_of(), SqpConfiguration(trust=0.2)
+    problem = problem_of()
+    sqp = SqpConfiguration(trust=0.2)
     q = postures(problem, 2000, seed=1)
     judged = problem.measure(q)
     checked = 0
     for start in q[judged.feasible & (judged.escape_time > 30)][:5]:
         here = sqp.linearise(problem, start)
         step = sqp.step(problem, here, sqp.trust)
-        low, high = np.maximum(problem.lower - start, -0.2), np.minimum(problem.upper - start, 0.2)
+        low = np.maximum(problem.lower - start, -0.2)
+        high = np.minimum(problem.upper - start, 0.2)
         slack = np.concatenate([here.phi + here.dphi @ step, step - low, high - step])
         assert slack.min() > -1e-5
         rows = np.vstack([here.dphi, np.eye(4), -np.eye(4)])[slack < 1e-4]  # active

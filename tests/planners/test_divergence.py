@@ -19,8 +19,11 @@ PAPER = {"object": "three_discs", "preset": "paper", "escape_field": None, "prio
 def stuck():
     """The cost from a start that no step leads out of, and from one that all do."""
     model = make_model("piec_envs/PlanarArmPush-v0", **PAPER)
-    free, caught = model.reset(0), model.reset(0)
-    caught.q_r[:], caught.q_cmd[:], caught.pose[:] = 0.0, 0.0, INSIDE
+    free = model.reset(0)
+    caught = model.reset(0)
+    caught.q_r[:] = 0.0
+    caught.q_cmd[:] = 0.0
+    caught.pose[:] = INSIDE
     return PathCost(model, free), PathCost(model, caught)
 
 
@@ -35,10 +38,9 @@ def test_so_does_what_diverges_when_disturbed_alone(stuck):
     free, caught = stuck
     path = np.zeros((1, 1000, 4))
     both = caught.start.take([0, 0])
-    both.pose[1], both.q_r[1], both.q_cmd[1] = (
-        free.start.pose[0],
-        free.start.q_r[0],
-        free.start.q_cmd[0],
-    )
-    cost, alone = free.disturbed(path, both)[0], free.disturbed(path, free.start)[0]
+    both.pose[1] = free.start.pose[0]
+    both.q_r[1] = free.start.q_r[0]
+    both.q_cmd[1] = free.start.q_cmd[0]
+    cost = free.disturbed(path, both)[0]
+    alone = free.disturbed(path, free.start)[0]
     assert cost - alone > 0.49 * 1000 * DIVERGENCE_WEIGHT

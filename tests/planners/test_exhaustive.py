@@ -23,10 +23,8 @@ def problem() -> CagingProblem:
 
 
 def test_the_grid_of_values_is_what_the_problem_measures(problem):
-    heads, inner = (
-        outer_postures(problem, SEARCH.headings, SEARCH.offset),
-        inner_postures(problem, SEARCH.spacing),
-    )
+    heads = outer_postures(problem, SEARCH.headings, SEARCH.offset)
+    inner = inner_postures(problem, SEARCH.spacing)
     values = SEARCH._values(problem, heads, inner[::7], -np.inf)
     # (B, H, 3)
     q = np.array([[np.append(head, posture) for head in heads] for posture in inner[::7]])
@@ -87,7 +85,8 @@ def sliding() -> CagingProblem:
 
 
 def test_with_a_sliding_base_the_grid_of_values_is_what_the_problem_measures(sliding):
-    outer, inner = outer_postures(sliding, 3, 0.3), inner_postures(sliding, 0.5)[::9]
+    outer = outer_postures(sliding, 3, 0.3)
+    inner = inner_postures(sliding, 0.5)[::9]
     values = MOBILE._values(sliding, outer, inner, -np.inf)
     q = np.array([[np.append(place, posture) for place in outer] for posture in inner])  # (B, H, 5)
     judged = sliding.measure(q.reshape(-1, 5))
@@ -112,14 +111,13 @@ def test_with_a_sliding_base_no_search_finds_a_better_posture(sliding):
 
 
 def test_places_headings_and_inner_postures_cover_the_workspace(sliding):
-    outer, robot = outer_postures(sliding, 5, 0.08), get_robot(sliding.robot)
+    outer = outer_postures(sliding, 5, 0.08)
+    robot = get_robot(sliding.robot)
     away = outer[:, :2] - ROUND[:2]
     assert np.hypot(*away.T).max() < robot.workspace_radius
     rng = np.random.default_rng(0)
-    angle, radius = (
-        rng.uniform(0, 2 * np.pi, 500),
-        robot.workspace_radius * np.sqrt(rng.uniform(0, 1, 500)),
-    )
+    angle = rng.uniform(0, 2 * np.pi, 500)
+    radius = robot.workspace_radius * np.sqrt(rng.uniform(0, 1, 500))
     bases = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     gaps = np.hypot(*(bases[:, None] - away[::5]).transpose(2, 0, 1)).min(axis=1)
     inside = radius < robot.workspace_radius - 0.08

@@ -32,7 +32,8 @@ def options(env_id: str) -> dict:
 def plan_for(env_id: str) -> Plan:
     """A plan that moves every joint a little."""
     env = gym.make(env_id, **options(env_id)).unwrapped
-    robot, start = env.model.robot, env.model.setup.posture
+    robot = env.model.robot
+    start = env.model.setup.posture
     path = start + np.linspace(0, 0.4, 1001)[:, None]
     return Plan(
         env_id=env_id,

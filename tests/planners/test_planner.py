@@ -219,7 +219,8 @@ def test_plans_for_drawn_plants_differ_and_keep_what_was_drawn(tmp_path):
     """The draws reach the search, and the plan's file says what it was made for."""
     planner = CmaEsPlanner(objective="contact", **SMALL)
     drawn = {"randomize": {"friction": [0.0, 1.0]}, "start_noise": [0.01, 0.1]}
-    plain, wide = planner.plan(PUSH, progress=False), planner.plan(PUSH, progress=False, **drawn)
+    plain = planner.plan(PUSH, progress=False)
+    wide = planner.plan(PUSH, progress=False, **drawn)
     assert plain.cost != wide.cost
     assert Plan.load(wide.save(tmp_path / "plan.npz")).env_kwargs["randomize"] == drawn["randomize"]
     with pytest.raises(UnknownNameError, match="object"):

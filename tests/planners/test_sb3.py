@@ -53,16 +53,19 @@ def assert_same(a, b):
 
 @pytest.mark.parametrize(("env_id", "choice"), CHOICES, ids=str)
 def test_it_equals_a_dummy_vec_env_across_the_ends_of_episodes(env_id, choice):
-    native, plain = NativeVecEnv(env_id, 3, **choice), dummy(env_id, 3, **choice)
+    native = NativeVecEnv(env_id, 3, **choice)
+    plain = dummy(env_id, 3, **choice)
     assert native.observation_space == plain.observation_space
     assert native.seed(7) == plain.seed(7)
     assert_same(native.reset(), plain.reset())
-    rng, ends = np.random.default_rng(0), 0
+    rng = np.random.default_rng(0)
+    ends = 0
     for t in range(20):
         if t == 15:  # in the middle of an episode, and without a seed
             assert_same(native.reset(), plain.reset())
         actions = rng.uniform(-1, 1, (3, *native.action_space.shape)).astype(np.float32)
-        a, b = native.step(actions), plain.step(actions)
+        a = native.step(actions)
+        b = plain.step(actions)
         for x, y in zip(a[:3], b[:3], strict=True):
             assert_same(x, y)
         for row, ended in enumerate(a[2]):
@@ -78,7 +81,8 @@ def test_vec_monitor_and_vec_normalize_work_on_it():
     for venv in wrapped:
         venv.seed(3)
     assert_same(*[venv.reset() for venv in wrapped])
-    rng, episodes = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    episodes = []
     for _ in range(13):
         actions = rng.uniform(-1, 1, (2, 4))
         a, b = (venv.step(actions) for venv in wrapped)

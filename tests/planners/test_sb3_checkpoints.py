@@ -15,26 +15,14 @@ from piec_envs.errors import AgentError
 
 pytest.importorskip("stable_baselines3")
 
-from planners.sb3 import TrainSpec, train
+from small_trainings import PUSH, SPECS, TRACK
+
+from planners.sb3 import train
 from planners.sb3 import training as trainings
 from planners.sb3.checkpoint import read_checkpoint, write_checkpoint
 from planners.sb3.hyperparameters import model_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
-PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
-ENV = {"escape_field": None, "start_noise": [0.01, 0.05], "action_repeat": 100, "threads": 1}
-NETWORK = {"policy_kwargs": "dict(net_arch=[8], activation_fn=nn.Tanh)"}
-PPO = {**NETWORK, "n_steps": 10, "batch_size": 20, "n_epochs": 1, "learning_rate": "lin_1e-3"}
-PPO["normalize"] = "dict(norm_obs=True, norm_reward=True)"
-OFF = {**NETWORK, "learning_starts": 20, "batch_size": 8, "buffer_size": 400}
-SPECS = {
-    "ppo": TrainSpec(
-        PUSH, "ppo", 200, n_envs=2, env_kwargs=ENV, hyper=PPO, evaluations=5, eval_episodes=2
-    ),
-    "sac": TrainSpec(
-        PUSH, "sac", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2
-    ),
-}
 KILLED = """
 import sys, json
 from planners.sb3 import TrainSpec, train
@@ -47,7 +35,8 @@ def interrupt(monkeypatch):
     """Interrupt trainings at the n-th evaluation."""
 
     def at(n):
-        original, calls = trainings.score, []
+        original = trainings.score
+        calls = []
 
         def score(*arguments):
             calls.append(1)

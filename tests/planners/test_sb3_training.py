@@ -14,28 +14,13 @@ from piec_envs.errors import AgentError, InvalidObservationError
 
 pytest.importorskip("stable_baselines3")
 
+from small_trainings import ENV, OFF, PUSH, SPECS, TRACK
+
 from planners import Plan
 from planners.sb3 import Agent, AgentPolicy, NativeVecEnv, TrainSpec, open_loop, train
 from planners.sb3.normalisation import normalise
 
 ROOT = Path(__file__).resolve().parents[2]
-PUSH, TRACK = "piec_envs/PlanarArmPush-v0", "piec_envs/PlanarArmTrack-v0"
-ENV = {"escape_field": None, "start_noise": [0.01, 0.05], "action_repeat": 100, "threads": 1}
-NETWORK = {"policy_kwargs": "dict(net_arch=[8], activation_fn=nn.Tanh)"}
-PPO = {**NETWORK, "n_steps": 10, "batch_size": 20, "n_epochs": 1, "learning_rate": "lin_1e-3"}
-PPO["normalize"] = "dict(norm_obs=True, norm_reward=True)"
-OFF = {**NETWORK, "learning_starts": 20, "batch_size": 8, "buffer_size": 400}
-SPECS = {
-    "ppo": TrainSpec(
-        PUSH, "ppo", 200, n_envs=2, env_kwargs=ENV, hyper=PPO, evaluations=5, eval_episodes=2
-    ),
-    "sac": TrainSpec(
-        PUSH, "sac", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2
-    ),
-    "tqc": TrainSpec(
-        PUSH, "tqc", 100, n_envs=2, env_kwargs=ENV, hyper=OFF, evaluations=4, eval_episodes=2
-    ),
-}
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +156,8 @@ def test_agents_that_are_broken_or_foreign_are_refused(trained, tmp_path):
         Agent.load(tmp_path / "missing.zip")
     with pytest.raises(AgentError, match=r"\.zip, got"):
         agent.save(tmp_path / "a.npz")
-    data, about = file.read_bytes(), file.with_suffix(".json").read_text()
+    data = file.read_bytes()
+    about = file.with_suffix(".json").read_text()
     file.write_bytes(data[:-100])
     with pytest.raises(AgentError, match="SHA-256"):
         Agent.load(file)

@@ -18,7 +18,8 @@ def test_a_step_without_solution_is_no_step(slope):
     problem = CagingProblem(
         "planar_arm", "circle", np.array([0.35, 0.1, 0.0]), make_field("grid", resolution=32)
     )
-    q, sqp = np.array([0.3, 1.0, 0.5, 0.5]), SqpConfiguration()
+    q = np.array([0.3, 1.0, 0.5, 0.5])
+    sqp = SqpConfiguration()
     judged = problem.measure(q[None])
     stuck = Linearised(q, np.full(4, -0.5), np.array([-1.0, 0.1]), np.full((2, 4), slope), judged)
     np.testing.assert_array_equal(sqp.step(problem, stuck, sqp.trust), np.zeros(4))

@@ -11,7 +11,8 @@ from piec_envs import InvalidParameterError, UnknownNameError
 from planners import PLANNERS, Plan
 from planners.table import planner_class
 
-PUSH, MOBILE = "piec_envs/PlanarArmPush-v0", "piec_envs/MobileFrankaPush-v0"
+PUSH = "piec_envs/PlanarArmPush-v0"
+MOBILE = "piec_envs/MobileFrankaPush-v0"
 # For each planner small settings, an environment for it, keyword arguments, and one that does not
 # fit, if any.
 SMALL = {

@@ -67,9 +67,11 @@ def test_frames_are_rigid_and_batched():
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_planar_frames_are_those_in_space(name):
-    robot, packed = get_robot(name), pack_robot(name)
+    robot = get_robot(name)
+    packed = pack_robot(name)
     for q in rng.uniform(robot.joint_array("lower"), robot.joint_array("upper"), (20, 3)):
-        frames, space = np.empty((4, 4)), panda.body_frames(all_joints(q))
+        frames = np.empty((4, 4))
+        space = panda.body_frames(all_joints(q))
         link_frames(packed, q, frames)
         for frame, body in ((1, 1), (2, 4), (3, 6)):
             np.testing.assert_allclose(frames[frame, :2], space[body, :2, 3], atol=1e-8)
@@ -80,7 +82,8 @@ def test_planar_frames_are_those_in_space(name):
 def test_straight_and_curled():
     robot = get_robot("franka_capsules")
     assert robot.curl_sides(0.6) == (-1.0,) and robot.curl_sides(0.1) == (-1.0, 1.0)
-    points, frames = [np.zeros(2)], np.empty((4, 4))
+    points = [np.zeros(2)]
+    frames = np.empty((4, 4))
     link_frames(pack_robot(robot.name), np.r_[0.0, robot.straight[1:]], frames)
     points += [frames[2, :2], frames[3, :2]]
     c, s = frames[3, 2:]
@@ -96,7 +99,8 @@ def test_straight_and_curled():
 def test_sections_contain_the_meshes_and_exceed_them_by_a_millimetre(link):
     bodies, frame = LINKS[link]
     found = next(item for item in get_robot("franka").links if item.name == link)
-    space, pose = panda.body_frames(POSTURE), np.linalg.inv(planar_frames()[frame])
+    space = panda.body_frames(POSTURE)
+    pose = np.linalg.inv(planar_frames()[frame])
     points = np.concatenate(
         [
             panda.mesh_vertices(body) @ (pose @ space[panda.BODIES.index(body)])[:3, :3].T

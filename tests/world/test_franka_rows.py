@@ -81,7 +81,8 @@ def test_every_part_but_the_foot_turns_and_all_move_with_the_base(name):
     for part, (frame, _) in parts(robot).items():
         assert frame == base if part == "link 0" else frame > base
     if base:
-        moved, frames = np.array([0.3, -0.2]), np.empty((2, robot.dof + 1, 4))
+        moved = np.array([0.3, -0.2])
+        frames = np.empty((2, robot.dof + 1, 4))
         for k, place in enumerate((np.zeros(2), moved)):
             link_frames(pack_robot(name), np.append(place, [0.4, -1.0, 2.0]), frames[k])
         np.testing.assert_allclose(

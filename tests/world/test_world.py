@@ -52,7 +52,8 @@ def test_polygons_contain_the_circle_by_the_stated_excess():
 
 
 def test_gyration_is_that_of_even_solids():
-    box_gyration, disc_gyration = np.hypot(0.3, 0.2) / np.sqrt(12), 0.119 / np.sqrt(2)
+    box_gyration = np.hypot(0.3, 0.2) / np.sqrt(12)
+    disc_gyration = 0.119 / np.sqrt(2)
     assert get_object("box").gyration == pytest.approx(box_gyration, rel=1e-9)
     assert get_object("circle_119").gyration == pytest.approx(disc_gyration, rel=1e-4)
     # discs of radius 0.05
@@ -72,14 +73,16 @@ PACKS = ("paper_pack", "paper_pack_wrapped", "a4_box", *(f"a4_box_roll_{k}" for 
 
 @pytest.mark.parametrize("name", PACKS)
 def test_packs_have_the_same_key_points_and_height(name):
-    planned, item = get_object("paper_pack"), get_object(name)
+    planned = get_object("paper_pack")
+    item = get_object(name)
     np.testing.assert_array_equal(item.key_points, planned.key_points)
     np.testing.assert_array_equal(item.key_points, [shape.vertices[0] for shape in planned.shapes])
     assert item.height == planned.height and item.mass == (0.5 if name.startswith("paper") else 0.6)
 
 
 def test_a_wrapped_pack_is_the_outline_of_the_rolls_and_the_box_contains_it():
-    (wrapped,), (sharp,) = get_object("paper_pack_wrapped").shapes, get_object("a4_box").shapes
+    (wrapped,) = get_object("paper_pack_wrapped").shapes
+    (sharp,) = get_object("a4_box").shapes
     rim = np.concatenate([shape.outline() for shape in get_object("paper_pack").shapes])  # (m, 2)
     inner = np.maximum(np.abs(rim) - (0.1, 0.05), 0.0)  # beyond the rounded rectangle's core
     assert np.linalg.norm(inner, axis=1).max() == pytest.approx(wrapped.radius)
