@@ -18,7 +18,6 @@ from evaluation.bench.fields import network_queries, table_queries
 from evaluation.bench.kernels import contact_step, escape_fields, franka_steps, slowest_steps
 from evaluation.bench.learning import rollout_collection
 from evaluation.bench.planning import (
-    default_plans,
     franka_plan,
     one_search,
     plan_budgets,
@@ -51,7 +50,6 @@ def run_bench(sizes: Sizes, progress: bool = True) -> dict[str, Any]:
         "learned field": network_queries,
         "tabulated field": table_queries,
         "static caging": static_caging,
-        "default plans": partial(default_plans, progress=progress),
         "planning budgets": partial(plan_budgets, progress=progress),
         "demo": whole_demo,
         "one search": partial(one_search, progress=progress),

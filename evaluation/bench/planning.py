@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -21,6 +22,11 @@ from planners.via_points import ViaPointTrajectory
 
 DISTURBANCE = "disturbance-5mm"
 FRESH = 500_000  # seeds of executions from here on, which no planner has seen
+BUDGETS: dict[str, Callable[..., CmaEsPlanner]] = {
+    "quick plan, caging": partial(CmaEsPlanner.quick, objective="caging"),
+    "default plan, caging": partial(CmaEsPlanner, objective="caging"),
+    "default plan, contact": partial(CmaEsPlanner, objective="contact"),
+}
 ONCE: dict[str, Any] = {"iterations": 1, "population": 2, "restarts": 1, "robust_iterations": 1}
 
 
@@ -37,30 +43,8 @@ def _timed_plan(planner: CmaEsPlanner, seed: int, progress: bool) -> tuple[Plan,
     return plan, time.perf_counter() - begin
 
 
-def default_plans(sizes: Sizes, progress: bool = False) -> list[Row]:
-    """What users run, `CmaEsPlanner(objective=...).plan(...)`, with all restarts and disturbances.
-
-    Args:
-        sizes: how much is measured.
-        progress: whether to show progress bars.
-
-    Returns:
-        Lines of the table.
-    """
-    rows = []
-    for objective in ("contact", "caging"):
-        planner = _warm(CmaEsPlanner(objective=objective, **dict(sizes.default)))
-        plan, seconds = _timed_plan(planner, 0, progress)
-        note = (
-            f"{planner.rollouts} trajectories x {plan.horizon} steps, {planner.restarts} "
-            f"searches, warm"
-        )
-        rows.append(row(f"default plan, {objective}", seconds, "s", "", note))
-    return rows
-
-
 def plan_budgets(sizes: Sizes, progress: bool = False) -> list[Row]:
-    """Time and success of plans with the quick budget and with the default one, beside each other.
+    """Time and success of what users run, with the quick budget and with the default one.
 
     Args:
         sizes: how much is measured.
@@ -71,7 +55,7 @@ def plan_budgets(sizes: Sizes, progress: bool = False) -> list[Row]:
     """
     rows = []
     plans, executions = sizes.budgets
-    for name, make in (("quick", CmaEsPlanner.quick), ("default", CmaEsPlanner)):
+    for label, make in BUDGETS.items():
         planner = _warm(make(**dict(sizes.default)))
         times = []
         rates = []
@@ -82,9 +66,8 @@ def plan_budgets(sizes: Sizes, progress: bool = False) -> list[Row]:
                 OpenLoopPolicy(plan), PUSH, DISTURBANCE, executions, FRESH + 1000 * seed
             )
             rates.append(float(done.success.mean()))
-        label = f"{name} budget, caging"
         note = f"{planner.rollouts} trajectories, median of {plans} planner seeds"
-        rows.append(row(f"{label}, plan", float(np.median(times)), "s", "", note))
+        rows.append(row(label, float(np.median(times)), "s", "", note))
         note = (
             f"{min(rates):.2f} to {max(rates):.2f} in {plans} plans of {executions} executions each"
         )

@@ -205,7 +205,7 @@ def test_bench(piec, tmp_path, monkeypatch):
         "contact step, fast over osqp",
         "rank of plan costs",
         "default plan, caging",
-        "quick budget, caging, success at 5 mm",
+        "quick plan, caging, success at 5 mm",
         "piec demo, warm",
     }
     assert names <= {row["benchmark"] for row in document["rows"]}
