@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from piec_envs.errors import InvalidStateError
+from piec_envs.errors import InvalidStateError, all_finite
 from piec_envs.escape.between import Field
 from piec_envs.escape.paths import MAX_STEPS_PER_NODE, trace
 from piec_envs.escape.protocol import EscapeField, FieldMap
@@ -153,7 +152,7 @@ class BatchedField(EscapeField, ABC):
                 f"points must be (B, k, 2) and q_r (B, {self._dof}), or (k, 2) and ({self._dof},); "
                 f"got {np.shape(points)[single:]} and {np.shape(q_r)}"
             )
-        if not (_all_finite(points) and _all_finite(q)):
+        if not (all_finite(points) and all_finite(q)):
             raise InvalidStateError("points and q_r must be finite")
         return points, q, single
 
@@ -166,14 +165,6 @@ class BatchedField(EscapeField, ABC):
         out = np.empty((rows, k)), np.empty((rows, k, p_size)), np.empty((rows, k, q_size))
         self._answer_rows(level, q, points, out)
         return tuple(array[0] for array in out) if single else out
-
-
-def _all_finite(array: np.ndarray) -> bool:
-    """Whether no number is infinite or none; a sum of few squares tells it quickly, unless one is
-    too large.
-    """
-    flat = array.ravel()
-    return math.isfinite(flat @ flat) or bool(np.isfinite(array).all())
 
 
 def _made_again(
