@@ -192,7 +192,7 @@ def all_finite(array: np.ndarray) -> bool:
     """
     flat = array.ravel()
     if len(flat) <= FEW:
-        total = flat @ flat
+        total = np.vdot(flat, flat)  # which, unlike @, says nothing about squares too large
     else:
         with np.errstate(over="ignore", invalid="ignore"):
             total = np.add.reduce(flat)
