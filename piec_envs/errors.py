@@ -216,8 +216,12 @@ def as_floats(
     Raises:
         PiecError: of that class, if the value is no array of numbers of that shape, or not finite.
     """
-    plain = type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape
-    if plain and all_finite(value):
+    if (
+        type(value) is np.ndarray
+        and value.dtype == np.float64
+        and value.shape == shape
+        and all_finite(value)
+    ):
         return value.copy()
     try:
         given = np.asarray(value)
