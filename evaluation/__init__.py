@@ -13,13 +13,14 @@ from piec_envs import check_not_shadowed
 
 if TYPE_CHECKING:
     from evaluation.metrics import summarise
-    from evaluation.protocols import PROTOCOLS, Protocol, get_protocol
+    from evaluation.protocol import Protocol
+    from evaluation.protocols import PROTOCOLS, get_protocol
     from evaluation.rollout import Evaluation, evaluate
 
 _WHERE = {
     "Evaluation": "rollout",
     "PROTOCOLS": "protocols",
-    "Protocol": "protocols",
+    "Protocol": "protocol",
     "evaluate": "rollout",
     "get_protocol": "protocols",
     "summarise": "metrics",

@@ -9,7 +9,8 @@ from typing import Any
 
 import gymnasium as gym
 
-from evaluation.protocols import PROTOCOLS, Protocol, family, laid_over
+from evaluation.protocol import Protocol, family, laid_over
+from evaluation.protocols import PROTOCOLS
 from piec_envs import (
     MOTIONS,
     EnvConfig,

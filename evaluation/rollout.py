@@ -11,7 +11,8 @@ from tqdm import tqdm
 
 from evaluation.outcome import Evaluation
 from evaluation.plants import NOT_IN_SPEC, as_policy, base_kwargs, check_suits, chosen_id, source_of
-from evaluation.protocols import get_protocol, is_random
+from evaluation.protocol import is_random
+from evaluation.protocols import get_protocol
 from piec_envs import InvalidParameterError, as_count, console
 
 MAX_ROWS = 256  # rows of one batch: bounds the memory and changes no result

@@ -103,6 +103,7 @@ from .escape.protocol import EscapeField as EscapeField
 from .escape.field import choose_field as choose_field
 from .escape.field import key_points_world as key_points_world
 from .escape.field import make_field as make_field
+from .escape.field import enclosed_points as enclosed_points
 from .escape.field import object_escape_time as object_escape_time
 from .escape.base import BatchedField as BatchedField
 from .escape.protocol import FieldMap as FieldMap

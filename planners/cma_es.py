@@ -65,6 +65,8 @@ class CmaEsPlanner:
             limits allow; a base that slides carries the start posture there, or along the
             reference, instead.
         arrive: share of the horizon after which the first guess has reached that posture.
+        adversary: speed at which the nominal object flees, as a share of u_bar; None takes the
+            objective's.
         escape_field: name of the field that the planner optimises, or its options with a "name";
             "auto" is the robot's best.
         escape_every: k: the field is evaluated on every k-th step of a rollout.
@@ -95,6 +97,7 @@ class CmaEsPlanner:
     sigma: float = 0.2
     start: str = "enclose"
     arrive: float = 0.6
+    adversary: float | None = None
     escape_field: str | Mapping[str, Any] = "auto"
     escape_every: int = 5
     robust_iterations: int = 28
@@ -118,11 +121,22 @@ class CmaEsPlanner:
         for name in ("sigma", "arrive", "robust_sigma", "robust_disturbance", "robust_share"):
             if not float(as_floats(name, getattr(self, name), (), InvalidParameterError)) > 0:
                 raise InvalidParameterError(f"{name} must be above 0, got {getattr(self, name)}")
+        self._check_adversary()
         for name in ("moving_points", "robust_points"):
             if getattr(self, name) > self.via_points:
                 raise InvalidParameterError(
                     f"{name} must be 1 to {self.via_points}, got {getattr(self, name)}"
                 )
+
+    def _check_adversary(self) -> None:
+        if self.adversary is None:
+            return
+        share = float(as_floats("adversary", self.adversary, (), InvalidParameterError))
+        if share < 0 or (share > 0 and not get_objective(self.objective).escape_field):
+            raise InvalidParameterError(
+                f"adversary must be at least 0, and 0 where the objective computes no escape time; "
+                f"got {share:g} with objective {self.objective!r}"
+            )
 
     @classmethod
     def quick(cls, **changes: Any) -> CmaEsPlanner:
@@ -212,7 +226,8 @@ class CmaEsPlanner:
     def _nominal_kwargs(self, env_kwargs: dict[str, Any]) -> dict[str, Any]:
         """Keyword arguments of the nominal model with this objective."""
         objective: Objective = get_objective(self.objective)
-        own = {"prior": objective.prior, "preset": self.preset, "adversary": objective.adversary}
+        own: dict[str, Any] = {"prior": objective.prior, "preset": self.preset}
+        own["adversary"] = objective.adversary if self.adversary is None else self.adversary
         if objective.escape_field:
             own["escape_field"] = self.escape_field
             own["escape_every"] = self.escape_every

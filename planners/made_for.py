@@ -12,7 +12,14 @@ from typing import Any
 
 # what there is to do, and to see
 TASK = ("contact", "geometry", "start", "reference", "goal", "goal_conditioned")
-DISTURBING = ("start_noise", "randomize", "disturbance", "disturbance_kind", "adversary")
+DISTURBING = (
+    "start_noise",
+    "randomize",
+    "disturbance",
+    "disturbance_kind",
+    "adversary",
+    "adversary_after",
+)
 STEERING = ("prior", "escape_field", "escape_every")
 INTERFACE = (
     "action_repeat",

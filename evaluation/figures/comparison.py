@@ -12,7 +12,7 @@ import numpy as np
 
 from evaluation.figures.base import CAGING, colour_bar, figure_file, show_scene
 from evaluation.figures.fields import NEAR, ROW, SIDE, note, panels, view
-from piec_envs import CAGING_SCALE, BatchedField, get_robot, rendering
+from piec_envs import CAGING_SCALE, BatchedField, enclosed_points, get_robot, rendering
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +78,7 @@ def _solve_row(
         )
     way = escapes[0].way
     outside = way[[int(np.argmax(rendering.wall_depth(exact, way, q) < 0))]]  # (1, 2)
-    held = bool(rendering.enclosed_points(exact.robot_name, outside, q, exact.speed)[0])
+    held = bool(enclosed_points(exact.robot_name, outside, q, exact.speed)[0])
     return [replace(escape, enclosed=held) for escape in escapes]
 
 

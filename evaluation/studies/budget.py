@@ -30,6 +30,7 @@ STUDY_PLANNER: Mapping[str, Any] = {
     "robust_share": 1.0,
     "robust_screening": 0,
     "judge": "commanded",
+    "adversary": None,
 }
 # Settings younger than the first records: specs leave them out where they are as above.
-YOUNGER = ("moving_points", "robust_share", "robust_screening", "judge")
+YOUNGER = ("moving_points", "robust_share", "robust_screening", "judge", "adversary")

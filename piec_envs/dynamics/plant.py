@@ -50,6 +50,7 @@ class PlantParams:
             direction: the paper's bound).
         adversary: speed at which the object flees down the escape-time field, as a fraction of
             the field's u_bar, at most 10.
+        adversary_after: time from which it flees, s.
         mass: of the object, as a factor (0.01 to 100) of its nominal one, inertia along with it.
             The quasi-dynamic model is of first order and the same for every mass, so that it takes
             1 alone.
@@ -70,6 +71,7 @@ class PlantParams:
     disturbance: float = _number(0.0, 0.0, 0.05, " m")
     disturbance_kind: str = _name("gaussian", DISTURBANCE_KINDS)
     adversary: float = _number(0.0, 0.0, 10.0)
+    adversary_after: float = _number(0.0, 0.0, 1e6, " s")
     mass: float = _number(1.0, 0.01, 100.0)
     delay: float = _number(0.0, 0.0, CONTROL_PERIOD, " s")
     inertia: str = _name("paper", INERTIAS)

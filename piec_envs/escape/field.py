@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -164,3 +165,28 @@ def object_escape_time(
     """
     check_name("reduction", reduce, REDUCTIONS)
     return REDUCTIONS[reduce](field.query(key_points_world(key_points, pose), q_r), axis=-1)
+
+
+def enclosed_points(
+    robot_name: str, points: np.ndarray, q_r: np.ndarray, speed: SpeedModel | None = None
+) -> np.ndarray:
+    """Whether nothing leads out of points under a hard wall, as static caging decides it.
+
+    One enclosed key point holds the whole object.
+
+    Args:
+        robot_name: row of the table of robots.
+        points: in the world, shape (B, k, 2) or (k, 2), m.
+        q_r: joint positions, shape (B, n) or (n,), rad or m.
+        speed: whose wall is closed for that; None takes the default.
+
+    Returns:
+        Shape (B, k) or (k,).
+
+    Raises:
+        UnknownNameError: if the table has no such robot.
+        InvalidStateError: for shapes that do not fit, or numbers that are not finite.
+    """
+    closed = replace(speed or SpeedModel(), leak=0.0)
+    field = make_field("grid", robot_name, speed=closed, threads=1, **HARD_WALL)
+    return np.isinf(field.query(points, q_r))

@@ -75,7 +75,9 @@ def refresh_escape(field: EscapeField, state: State, rows: np.ndarray) -> None:
             points = key_points_world(key_points, state.pose[here])  # (rows, k, 2)
             times, slopes = field.point_gradients(points, state.q_r[here])
             state.escape_time[here] = times.mean(axis=-1)
-            speed = field.u_bar * state.params.columns["adversary"][here]
+            columns = state.params.columns
+            begun = state.step[here] >= np.round(columns["adversary_after"][here] / CONTROL_PERIOD)
+            speed = field.u_bar * columns["adversary"][here] * begun
             state.drift[here] = _drift(slopes.mean(axis=-2), speed)
 
 

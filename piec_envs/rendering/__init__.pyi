@@ -49,7 +49,6 @@ from .escape import Escape as Escape
 from .escape import caption as caption
 from .escape import draw_escape as draw_escape
 from .escape import draw_way as draw_way
-from .escape import enclosed_points as enclosed_points
 from .escape import in_wall as in_wall
 from .escape import solve_escape as solve_escape
 from .escape import wall_depth as wall_depth

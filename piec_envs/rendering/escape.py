@@ -9,7 +9,7 @@ object that is enclosed: under a hard wall nothing leads out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -20,9 +20,8 @@ from piec_envs.escape.base import BatchedField
 from piec_envs.escape.between import distance_at
 from piec_envs.escape.field import (
     CAGING_SCALE,
-    HARD_WALL,
+    enclosed_points,
     key_points_world,
-    make_field,
     object_escape_time,
 )
 from piec_envs.escape.grid import GridField
@@ -79,24 +78,6 @@ def picture_field(robot_name: str, speed: SpeedModel) -> GridField:
         The field, of second order, 100 nodes a side.
     """
     return GridField(robot_name, RESOLUTION, "marching", speed, threads=1)
-
-
-def enclosed_points(
-    robot_name: str, points: np.ndarray, q: np.ndarray, speed: SpeedModel
-) -> np.ndarray:
-    """Whether nothing leads out of points under a hard wall, as static caging decides it.
-
-    Args:
-        robot_name: row of the table of robots.
-        points: shape (k, 2), m.
-        q: joint positions, shape (n,), rad or m.
-        speed: whose wall is closed for that.
-
-    Returns:
-        Shape (k,).
-    """
-    field = make_field("grid", robot_name, speed=replace(speed, leak=0.0), threads=1, **HARD_WALL)
-    return np.isinf(field.query(points, q))
 
 
 def solve_escape(

@@ -65,9 +65,11 @@ class RandomDisturbance(Mismatch):
 
 
 class AdversarialEscape(Mismatch):
-    """The object flees down the escape time: `adversary`, as a fraction of the field's u_bar."""
+    """The object flees down the escape time: `adversary`, as a fraction of the field's u_bar, from
+    `adversary_after` (s) on.
+    """
 
-    names = ("adversary",)
+    names = ("adversary", "adversary_after")
 
 
 class FrictionMismatch(Mismatch):

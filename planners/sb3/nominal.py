@@ -16,6 +16,7 @@ NOT_NOMINAL = (
     "disturbance",
     "disturbance_kind",
     "adversary",
+    "adversary_after",
     "randomize",
     "action_repeat",
     "goal_conditioned",

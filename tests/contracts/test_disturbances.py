@@ -45,3 +45,22 @@ def test_adversary_flees_down_the_escape_time():
     moved = np.linalg.norm(env.get_state().pose[0, :2] - before[:2])
     assert moved == pytest.approx(60 * 0.1 * 0.05, rel=1e-2)
     np.testing.assert_allclose(np.diff(times), -0.1, atol=0.03)  # a second each second
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_an_object_that_flees_later_rests_until_then(every):
+    made = {"escape_every": every, "start_noise": (0.02, 0.1)}
+    calm, late, soon = (
+        gym.make("piec_envs/PlanarArmPush-v0", **made, **flees).unwrapped
+        for flees in ({}, {"adversary": 1.0, "adversary_after": 2.0}, {"adversary": 1.0})
+    )
+    paths = []
+    for env in (calm, late, soon):
+        env.reset(seed=3)
+        controls = np.zeros((1, 40, 4))
+        paths.append(env.rollout(env.get_state(), controls=controls).motion.pose[0, :, :2])
+    assert np.array_equal(paths[0][:21], paths[1][:21])
+    travelled = np.linalg.norm(paths[1][20:] - paths[1][20], axis=1)
+    early = np.linalg.norm(paths[2][:21] - paths[2][0], axis=1)
+    np.testing.assert_allclose(travelled, early, atol=1e-3)
+    assert travelled[-1] == pytest.approx(20 * 0.1 * 0.05, rel=0.05)

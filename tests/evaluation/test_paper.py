@@ -39,6 +39,7 @@ BUDGET = {
 WITHOUT_EFFECT = {
     "arrive",
     "judge",
+    "adversary",
     "robust_samples",
     "robust_disturbance",
     "robust_sigma",

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from evaluation import evaluate
 from evaluation.cli import main
 from evaluation.plants import PLANTS, plant_in_force, plant_line
-from evaluation.protocols import laid_over
+from evaluation.protocol import laid_over
 from evaluation.records import read_records, work_key
 from piec_envs.env.registry import MOTIONS
 from piec_envs.errors import InvalidParameterError, PlanError, UnknownNameError

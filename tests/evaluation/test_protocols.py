@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 import piec_envs  # noqa: F401  registers the environments
+from evaluation.axes import AXES
 from evaluation.plants import check_suits
-from evaluation.protocols import PROTOCOLS, family, get_protocol, is_random
+from evaluation.protocol import family, is_random
+from evaluation.protocols import PROTOCOLS, get_protocol
 from piec_envs.dynamics.plant import PlantParams
 from piec_envs.env.config import EnvConfig
 from piec_envs.errors import InvalidParameterError, UnknownNameError
@@ -174,3 +176,24 @@ def test_objects_of_protocols_stand_around_others_of_the_table():
         true = OBJECTS[name]
         assert planned_as.name != name
         assert np.isin(np.round(planned_as.key_points, 9), np.round(true.key_points, 9)).all()
+
+
+@pytest.mark.parametrize("axis", AXES.values(), ids=lambda axis: axis.name)
+def test_every_value_of_an_axis_is_a_protocol_that_makes_an_environment(axis):
+    assert list(axis.values) == sorted(axis.values) and axis.nominal in axis.values
+    for value in axis.values:
+        protocol = get_protocol(f"{axis.name}={value:g}")
+        assert protocol == axis.at(value) and protocol.name == f"{axis.name}={value:g}"
+        field = {} if "adversary" in protocol.params else {"escape_field": None}
+        gym.make(PUSH, disable_env_checker=True, **protocol.env_kwargs(field)).close()
+
+
+def test_a_value_between_those_of_an_axis_is_a_protocol_too():
+    assert get_protocol("sigma=0.0123").params["disturbance"] == 0.0123
+    assert get_protocol("start=0.03").start_noise == (0.03, 0.0)
+
+
+@pytest.mark.parametrize("name", ["sigma=", "sigma=much", "=0.1"])
+def test_a_protocol_that_is_no_point_of_an_axis_is_refused(name):
+    with pytest.raises((InvalidParameterError, UnknownNameError), match=r"number|unknown axis"):
+        get_protocol(name)
