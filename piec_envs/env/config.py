@@ -32,8 +32,9 @@ class EnvConfig(PlantParams):
 
     Args:
         task: row of the table of tasks.
-        dynamics, object, friction, disturbance, disturbance_kind, adversary, adversary_after, mass,
-            delay, inertia: the plant's, as in `PlantParams`; the object "auto" is the task's.
+        dynamics, object, friction, disturbance, disturbance_kind, adversary, adversary_after:
+            the plant's, as in `PlantParams`; the object "auto" is the task's.
+        mass, delay, inertia: the plant's as well.
         solver: "fast" or "osqp", for the quasi-dynamic model.
         start_noise: (position in m, angle in rad) by which the object's start is drawn, uniformly.
         randomize: plant parameters to draw at each reset, as ranges [low, high] or lists of names.

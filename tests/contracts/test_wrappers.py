@@ -21,6 +21,7 @@ VALUES = {
     "disturbance": 0.004,
     "disturbance_kind": "direction",
     "adversary": 0.5,
+    "adversary_after": 1.0,
     "friction": 0.1,
     "object": "hexagon",
     "dynamics": "mujoco",
