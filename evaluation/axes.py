@@ -1,6 +1,6 @@
-"""The table of axes: perturbations by their size, along which the margin of a policy is measured.
+"""The table of axes: perturbations by their size.
 
-A protocol is one point of an axis. `sigma=0.02` names the protocol at 0.02 m of the axis `sigma`.
+A protocol is one point of an axis: `sigma=0.02` names the one at 0.02 m of the axis `sigma`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Axis:
         label: what tables and figures call it, with the unit.
         scale: from the parameter's unit to the label's, such as 1000 for mm.
         nominal: the value that planners plan with.
-        values: where it is measured, growing.
+        values: where it tells plans apart, growing.
         params: plant parameters at a value.
         start_noise: bounds of the object's start at a value (m, rad); None keeps the env's own.
     """
@@ -36,10 +36,23 @@ class Axis:
     start_noise: Callable[[float], tuple[float, float]] | None = None
 
     def at(self, value: float) -> Protocol:
-        """The protocol at a value, in the parameter's unit."""
+        """The protocol at a value, in the parameter's unit.
+
+        Args:
+            value: in the parameter's unit: m, s, or none.
+
+        Returns:
+            The protocol.
+        """
         noise = None if self.start_noise is None else self.start_noise(value)
         said = f"{self.label.partition(' [')[0]} is {self.scale * value:g}"
         return Protocol(f"{self.name}={value:g}", said, self.params(value), noise)
+
+    def described(self) -> str:
+        """What it is, its unit as VALUE has it, and where it tells plans apart."""
+        what, _, shown = self.label.partition(" [")
+        unit = {"mm]": " m", "ms]": " s"}.get(shown, "")
+        return f"{what}, such as {self.values[0]:g} to {self.values[-1]:g}{unit}"
 
 
 def _drawn(value: float) -> tuple[float, float]:

@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> Report:
 
 def _tables() -> dict[str, dict[str, str]]:
     """Title to names to one line about each."""
+    from evaluation.axes import AXES
     from evaluation.commands import COMMANDS
     from evaluation.engines import ENGINES
     from evaluation.protocols import PROTOCOLS
@@ -54,6 +55,7 @@ def _tables() -> dict[str, dict[str, str]]:
         "objectives": {name: row.label for name, row in OBJECTIVES.items()},
         "algorithms of train": {name: row.description for name, row in ALGORITHMS.items()},
         "protocols": {name: row.description for name, row in PROTOCOLS.items()},
+        "protocols by size, AXIS=VALUE": {name: row.described() for name, row in AXES.items()},
         "studies": {name: row.description for name, row in STUDIES.items()},
         "engines": {name: row.description for name, row in ENGINES.items()},
         "commands": {name: row.help for name, row in COMMANDS.items()},

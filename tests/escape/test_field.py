@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from piec_envs import enclosed_points
 from piec_envs.errors import InvalidParameterError, InvalidStateError, UnknownNameError
 from piec_envs.escape import (
     CAGING_SCALE,
@@ -117,3 +118,14 @@ def test_object_time_is_the_mean_or_the_larger_maximum_of_its_key_points():
     assert (mean == times.mean(1)).all() and (most == times.max(1)).all() and (mean <= most).all()
     assert object_escape_time(field, key_points, pose[0], Q) == mean[0]
     assert 0 < CAGING_SCALE * mean[0] < 1
+
+
+def test_enclosed_points_are_those_that_a_hard_wall_lets_out_nowhere():
+    curled = np.array([0.4, 1.5, 1.4, 1.5])
+    points = np.array([[-0.15, 0.35], [-0.5, -0.5]])  # within the curl, and far from it
+    q = np.stack([curled, np.zeros(4)])
+    held = enclosed_points("planar_arm", np.stack([points, points]), q)
+    assert held.tolist() == [[True, False], [False, False]]
+    assert enclosed_points("planar_arm", points, curled).tolist() == [True, False]
+    with pytest.raises(InvalidStateError, match="finite"):
+        enclosed_points("planar_arm", np.array([[np.nan, 0.0]]), curled)

@@ -229,6 +229,18 @@ def test_plans_for_drawn_plants_differ_and_keep_what_was_drawn(tmp_path):
         planner.plan(PUSH, progress=False, randomize={"adversary": [0.0, 1.0]})
 
 
+@pytest.mark.parametrize(("share", "flees"), [(None, 1.0), (0.25, 0.25), (0.0, 0.0)])
+def test_the_nominal_object_flees_as_fast_as_the_planner_is_told(share, flees):
+    planner = CmaEsPlanner(objective="adversarial", adversary=share, **SMALL)
+    assert planner.plan(PUSH, progress=False).env_kwargs["adversary"] == flees
+
+
+@pytest.mark.parametrize(("objective", "share"), [("contact", 0.5), ("adversarial", -0.1)])
+def test_an_adversary_that_the_objective_cannot_have_is_refused(objective, share):
+    with pytest.raises(InvalidParameterError, match=f"got {share:g} with objective '{objective}'"):
+        CmaEsPlanner(objective=objective, adversary=share)
+
+
 def test_the_quick_budget_is_a_quarter_and_can_be_changed():
     assert CmaEsPlanner.quick().rollouts < CmaEsPlanner().rollouts / 4
     changed = CmaEsPlanner.quick(objective="contact", restarts=1)
